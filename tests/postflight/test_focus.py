@@ -15,7 +15,7 @@ from support.paths import ROOT
 from support.recorded import nadir_to, photo, write_recording
 
 from aosplan.cli.schema import json_schema
-from aosplan.postflight.integral.agreement import DetailSums, agreement, vertex
+from aosplan.postflight.integral.agreement import DetailSums, agreement, details_of, vertex
 from aosplan.postflight.integral.alignment import fitted
 from aosplan.postflight.integral.focal_plane import Raster
 from aosplan.postflight.integral.focus import find_focus
@@ -112,6 +112,34 @@ def test_ground_and_crowns_are_two_peaks(folder):
     found = find_focus(recording, np.arange(25))
     assert found.ground.place == pytest.approx(1.0, abs=0.2)
     assert found.crowns.place == pytest.approx(12.0, abs=0.6)
+
+
+@pytest.mark.parametrize("sea_m", [-500.0, 0.0, 311.0])
+def test_the_ground_is_found_below_cameras_at_any_height(folder, sea_m):
+    # Poses above sea level, or in the system of a reconstruction; the images have black borders, a
+    # logo and a fixed pattern, which agree on planes that are far away.
+    rng = np.random.default_rng(8)
+    fixed = rng.normal(0.0, 12.0, (120, 160))
+    views, images = [], []
+    for site in SITES:
+        rotation, position = nadir_to(15.0), np.array([*site, 40.0])
+        image = photo(rotation, position, shade=GROUND) + fixed
+        image[:, :12] = image[:, -12:] = 0.0
+        image[10:25, 120:145] = 250.0
+        views.append((rotation, position + np.array([0.0, 0.0, sea_m])))
+        images.append(np.clip(np.rint(image), 0, 255).astype(np.uint8))
+    recording = Recording(*write_recording(folder, views, images), focal_height_m=None)
+    assert not recording.is_height_known
+    found = find_focus(recording, np.arange(25))
+    assert found.ground.place == pytest.approx(sea_m, abs=0.2)
+    assert not found.at_end
+
+
+def test_what_is_the_same_in_all_images_is_left_out(folder):
+    views = [(nadir_to(15.0), np.array([*site, 40.0])) for site in SITES]
+    fixed = np.random.default_rng(9).integers(0, 255, (120, 160)).astype(np.uint8)
+    recording = Recording(*write_recording(folder, views, [fixed] * 25))
+    assert max(np.abs(detail.pixels).max() for detail in details_of(recording.sources)) < 1e-5
 
 
 # Photos whose tags are wrong

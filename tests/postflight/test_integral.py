@@ -21,6 +21,7 @@ from support.recorded import (
 from aosplan.errors import RequestError
 from aosplan.postflight.integral.camera_pose import Intrinsics, View, from_field_of_view
 from aosplan.postflight.integral.focal_plane import Plane, Raster, upward
+from aosplan.postflight.integral.images import read_picture
 from aosplan.postflight.integral.integral import ViewSource, integrate
 from aosplan.postflight.integral.poses_file import read_poses
 from aosplan.postflight.integral.recording import Recording, least_views
@@ -193,6 +194,42 @@ def test_blocks_do_not_shift_the_picture(tmp_path):
     assert fine.columns == 5 * coarse.columns
     averaged = truth(fine).reshape(coarse.rows, 5, coarse.columns, 5).mean(axis=(1, 3))
     assert np.abs(shift_px(values, averaged, np.ones(values.shape, bool))).max() < 0.02
+
+
+@pytest.mark.parametrize("size", [(800, 640), (803, 645)])
+def test_a_jpeg_may_be_decoded_smaller_for_a_coarse_raster(tmp_path, monkeypatch, size):
+    width, height = size
+    rng = np.random.default_rng(4)
+    smooth = Image.fromarray(rng.integers(60, 200, (height // 16, width // 16, 3)).astype(np.uint8))
+    picture = smooth.resize(size, Image.Resampling.BICUBIC)
+    noise = rng.normal(0.0, 12.0, (height, width, 1))
+    noisy = np.clip(np.asarray(picture) + noise, 0, 255).astype(np.uint8)
+    Image.fromarray(noisy).save(tmp_path / "a.jpg", quality=98)
+    lens = Intrinsics(width, height, 600.0, 600.0, width / 2, height / 2)
+    view = nadir_to(10.0), np.array([0.0, 0.0, 30.0])
+    source = ViewSource(View("a", view[0], -view[0] @ view[1]), lens, str(tmp_path / "a.jpg"))
+    raster = Raster.over((-15, -12, 15, 12), 5.3 * 30 / 600)
+    blocks = []
+
+    def decoded(path, block_px=1):
+        blocks.append(read_picture(path, block_px).block_px)
+        return read_picture(path, block_px)
+
+    monkeypatch.setattr("aosplan.postflight.integral.integral.read_picture", decoded)
+    small = integrate([source], Plane("z", 0.0), raster)
+    monkeypatch.setattr(
+        "aosplan.postflight.integral.integral.read_picture", lambda path, _: decoded(path)
+    )
+    full = integrate([source], Plane("z", 0.0), raster)
+    assert blocks == [4, 1]
+    both = (small.coverage > 0) & (full.coverage > 0)
+    assert both.mean() > 0.8
+    assert (small.coverage != full.coverage).mean() < 0.03  # a rest of up to 3 pixels at two edges
+    # Blocks of 4 and of 5 pixels are means of different pixels, so the noise of 12 differs by about
+    # 12 sqrt(1 / 16 + 1 / 25) before interpolation; the picture itself does not move.
+    off = (small.values - full.values)[both].mean(axis=-1)
+    assert np.sqrt(np.mean(off**2)) < 4.0
+    assert np.abs(shift_px(small.values[..., 0], full.values[..., 0], both)).max() < 0.03
 
 
 # Memory

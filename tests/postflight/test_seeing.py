@@ -116,11 +116,8 @@ def test_exposures_come_together(folder):
     adjust = equalized(recording.sources, recording.plane, BOX)
     brightness = []
     for source, image in zip(recording.sources, images, strict=True):
-        band = Image.fromarray(image.astype(np.float32))
-        changed = adjust(source, Picture((band,), None, is_byte=True))
-        brightness.append(
-            np.asarray(changed.bands[0]).mean() / (image.mean() / gains[len(brightness)])
-        )
+        changed = adjust(source, Picture(image[..., None], None, is_byte=True)).pixels
+        brightness.append(changed.mean() / (image.mean() / gains[len(brightness)]))
     # After the correction, brightnesses agree except for differences of what the photos show.
     assert np.std(brightness) / np.mean(brightness) < 0.1 < np.std(gains)
 
@@ -131,8 +128,8 @@ def test_temperatures_are_shifted_not_scaled(folder):
     recording = Recording(*write_recording(folder, views, images))
     adjust = equalized(recording.sources, recording.plane, BOX)
     for source, image in zip(recording.sources, images, strict=True):
-        changed = adjust(source, Picture((Image.fromarray(image),), None, is_byte=False))
-        off = np.asarray(changed.bands[0]) - image
+        changed = adjust(source, Picture(image[..., None], None, is_byte=False))
+        off = changed.pixels[..., 0] - image
         assert np.ptp(off) < 1e-3
     values = recording.integrate(ViewSubset(), BOX, adjust=adjust).values
     assert np.nanmean(values) == pytest.approx(280.0 + 1.28 + 4.0, abs=0.5)
@@ -205,12 +202,9 @@ def test_a_warm_spot_is_found_in_its_place(command, folder):
 
 def test_the_anomalies_of_a_photo_are_the_rarest_colours():
     rng = np.random.default_rng(3)
-    bands = rng.normal(100, 5, (3, 60, 60))
-    bands[:, 5:9, 5:9] = [[[100.0]], [[130.0]], [[70.0]]]
-    picture = Picture(
-        tuple(Image.fromarray(b.astype(np.float32)) for b in bands), None, is_byte=True
-    )
-    mask = np.asarray(anomalies(None, picture).bands[0])
+    pixels = rng.normal(100, 5, (60, 60, 3)).astype(np.float32)
+    pixels[5:9, 5:9] = 100.0, 130.0, 70.0
+    mask = anomalies(None, Picture(pixels, None, is_byte=True)).pixels[..., 0]
     assert mask[5:9, 5:9].all()
     assert mask.mean() == pytest.approx(0.01, abs=0.002)
 

@@ -164,7 +164,7 @@ def integrate(
     recording = Recording(
         os.fspath(photos),
         None if images is None else os.fspath(images),
-        focal_height_m=height_m or 0.0,
+        focal_height_m=0.0 if height_m is None and heights is None else height_m,
         slope=slope,
         up=up,
         camera=named_camera(None if camera is None else os.fspath(camera), fov_deg),

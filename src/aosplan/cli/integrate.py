@@ -101,7 +101,7 @@ def run(
     recording = Recording(
         photos,
         images,
-        focal_height_m=height_m or 0.0,
+        focal_height_m=0.0 if height_m is None and heights is None else height_m,
         slope=(0.0, 0.0) if slope is None else read_slope(slope),
         up=up,
         camera=named_camera(camera, None if fov is None else number(fov, "--fov", "deg")),

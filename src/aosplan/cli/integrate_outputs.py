@@ -195,8 +195,10 @@ def _bytes(
         return tiff_bytes(integral.values, seen)
     from aosplan.postflight.integral.geotiff import integral_geotiff
 
-    shown = np.where(seen[..., None], integral.values, np.nan)
-    return integral_geotiff(np.moveaxis(shown, -1, 0), integral.raster, recording.georeference)
+    rows, columns, count = integral.values.shape
+    shown = np.full((count, rows, columns), np.nan, dtype=np.float32)
+    np.copyto(shown, np.moveaxis(integral.values, -1, 0), casting="same_kind", where=seen)
+    return integral_geotiff(shown, integral.raster, recording.georeference)
 
 
 def figure_bytes(path: str, found: Focus) -> bytes:

@@ -14,17 +14,17 @@ halve the views, is then c / (c + 2 (d - c) / n).  Halves therefore need not be 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from aosplan.postflight.integral.integral import read_source, warped, whole_box
+from aosplan.postflight.integral.integral import read_source
+from aosplan.postflight.integral.warping import warped
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
-    from PIL.Image import Image
 
     from aosplan.postflight.integral.camera_pose import Intrinsics, View
     from aosplan.postflight.integral.focal_plane import Plane, Raster
@@ -52,13 +52,14 @@ dominate.
 
 
 class Detail(NamedTuple):
-    """Detail of one view: the reduced image without low frequencies, divided by its standard
-    deviation.
+    """Detail of one view: its reduced image without low frequencies, in standard deviations.
+
+    The pixels have the shape (rows, columns, 1).
     """
 
     view: View
     intrinsics: Intrinsics
-    image: Image
+    pixels: NDArray[np.float32]
 
 
 def detail_of(source: ViewSource, longest_px: int = LONGEST_PX) -> Detail:
@@ -71,15 +72,19 @@ def detail_of(source: ViewSource, longest_px: int = LONGEST_PX) -> Detail:
     longest_px
         Longest side of the reduced image.
     """
-    from PIL import Image
     from scipy.ndimage import gaussian_filter
 
-    picture = read_source(source, None)
-    bands = np.stack([np.asarray(band, dtype=np.float32) for band in picture.bands])
-    grey: NDArray[np.float32] = bands.mean(axis=0)
-    width, height = picture.size
+    width, height = source.intrinsics[:2]
     block = max(-(-max(width, height) // longest_px), 1)
-    columns, rows = width // block, height // block
+    picture = read_source(source, None, block)
+    lens = source.intrinsics.in_blocks(picture.block_px)
+    block = max(-(-max(lens[:2]) // longest_px), 1)
+    lens = lens.in_blocks(block)
+    grey = picture.pixels[..., 0].astype(np.float32)
+    for band in range(1, picture.pixels.shape[2]):
+        grey += picture.pixels[..., band]
+    grey /= picture.pixels.shape[2]
+    rows, columns = lens.height_px, lens.width_px
     grey = grey[: rows * block, : columns * block]
     grey = grey.reshape(rows, block, columns, block).mean(axis=(1, 3))
     finite = np.isfinite(grey)
@@ -89,21 +94,48 @@ def detail_of(source: ViewSource, longest_px: int = LONGEST_PX) -> Detail:
     detail = gaussian_filter(grey, FINE_PX, mode="nearest") - smooth
     spread = float(detail.std())
     scaled = np.clip(detail / spread, -CLIP, CLIP) if spread > 0.0 else np.zeros_like(detail)
-    lens = source.intrinsics._replace(
-        width_px=columns,
-        height_px=rows,
-        fx_px=source.intrinsics.fx_px / block,
-        fy_px=source.intrinsics.fy_px / block,
-        cx_px=source.intrinsics.cx_px / block,
-        cy_px=source.intrinsics.cy_px / block,
-    )
-    return Detail(source.view, lens, Image.fromarray(scaled.astype(np.float32)))
+    return Detail(source.view, lens, scaled.astype(np.float32)[..., np.newaxis])
+
+
+def details_of(
+    sources: Sequence[ViewSource],
+    longest_px: int = LONGEST_PX,
+    step: Callable[[], None] = lambda: None,
+) -> list[Detail]:
+    """Detail of several views, without what is at the same place in all images.
+
+    A thermal camera has a fixed pattern, and images may show a logo, black borders or a part of the
+    drone.  These would agree best on a plane at infinity.
+
+    Parameters
+    ----------
+    sources, longest_px
+        As for `detail_of`.
+    step
+        Function that is called after each view.
+    """
+    found = []
+    for source in sources:
+        found.append(detail_of(source, longest_px))
+        step()
+    sums: dict[tuple[int, ...], Any] = {}
+    for detail in found:
+        total, count = sums.get(detail.pixels.shape, (0.0, 0))
+        sums[detail.pixels.shape] = total + detail.pixels, count + 1
+    fixed = {shape: total / count for shape, (total, count) in sums.items() if count > 1}
+    return [
+        detail._replace(pixels=detail.pixels - fixed.get(detail.pixels.shape, np.float32(0.0)))
+        for detail in found
+    ]
 
 
 def on_plane(detail: Detail, view: View, plane: Plane, raster: Raster) -> NDArray[np.float32]:
     """Detail of a view on the raster; nan outside its image."""
+    image = np.full((raster.rows, raster.columns), np.nan, dtype=np.float32)
     ray = plane.to_camera(view) @ raster.to_plane
-    return warped([detail.image], detail.intrinsics, ray, whole_box(raster))[0]
+    for tile, values, inside in warped(detail.pixels, detail.intrinsics, ray, raster):
+        np.copyto(image[tile.slices], values[..., 0], where=inside.view(bool))
+    return image
 
 
 class DetailSums:

@@ -103,6 +103,19 @@ class Intrinsics(NamedTuple):
             cy_px=self.cy_px * y,
         )
 
+    def in_blocks(self, block_px: int) -> Intrinsics:
+        """Intrinsics for the same photo averaged in square blocks of pixels, without a rest at its
+        right and lower edges.
+        """
+        return self._replace(
+            width_px=self.width_px // block_px,
+            height_px=self.height_px // block_px,
+            fx_px=self.fx_px / block_px,
+            fy_px=self.fy_px / block_px,
+            cx_px=self.cx_px / block_px,
+            cy_px=self.cy_px / block_px,
+        )
+
     def _fold(self) -> float:
         """Smallest r² at which r (1 + k1 r² + k2 r⁴ + k3 r⁶) stops increasing; inf if it never
         does.

@@ -21,10 +21,11 @@ from aosplan.postflight.integral.agreement import (
     Detail,
     Peak,
     agreement_at,
-    detail_of,
+    details_of,
     peak_near,
 )
 from aosplan.postflight.integral.alignment import Correction, fitted, shifts_of
+from aosplan.postflight.integral.distance_scan import range_below
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -230,7 +231,8 @@ def find_focus(
     indices
         Indices of the views to use.
     heights_m
-        Lowest and highest plane; None for a range around the recording's plane.
+        Lowest and highest plane; None for a range around the recording's plane, or, if the heights
+        of its cameras above the ground are not known, for a search at all distances.
     align
         One of `ALIGNMENTS`.
     sigma_m
@@ -249,8 +251,11 @@ def find_focus(
             f"--focus needs at least {LEAST_VIEWS} views, and there are {len(indices)}",
             "--focal-height M gives the height of the plane",
         )
+    wide = None
+    if heights_m is None and not recording.is_height_known:
+        wide = range_below(recording, indices)
     search = _Search(recording, indices, sigma_m, progress or (lambda _done, _all: None))
-    low, high = heights_m or search.usual_range()
+    low, high = heights_m or wide or search.usual_range()
     places = search.heights_between(low, high)
     few = places[:: 2 if len(places) > 20 else 1]
     correction = Correction.none(len(indices))
@@ -387,10 +392,7 @@ class _Search:
         own = max(self._sources[0].intrinsics[:2])
         most = math.sqrt(MOST_PIXELS / len(self._sources))
         longest = max(int(min(own, LONGEST_PX, most)) // coarser, 32)
-        details = []
-        for source in self._sources:
-            details.append(detail_of(source, longest))
-            self._step()
+        details = details_of(self._sources, longest, self._step)
         gsd = self._recording.raster("centre").gsd_m
         scale = own / max(details[0].intrinsics[:2])
         return _Level(details, self._recording.raster("centre", gsd * scale))

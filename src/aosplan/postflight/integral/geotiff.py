@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from aosplan.maps import geotiff
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from aosplan.postflight.integral.focal_plane import Raster
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def integral_geotiff(
-    bands: NDArray[np.float64],
+    bands: NDArray[Any],
     raster: Raster,
     georeference: Georeference | None,
     names: Sequence[str] = (),

@@ -39,17 +39,15 @@ def anomalies(_source: ViewSource, picture: Picture) -> Picture:
     distance of its values from those of the photo.  A pixel is an anomaly if its score exceeds the
     quantile `RX_SHARE` of all scores.
     """
-    from PIL import Image
-
-    bands = np.stack([np.asarray(band, dtype=np.float64) for band in picture.bands])
-    flat = bands.reshape(len(bands), -1)
+    rows, columns, bands = picture.pixels.shape
+    flat = picture.pixels.reshape(-1, bands).T.astype(np.float64)
     finite = np.isfinite(flat).all(axis=0)
     off = flat - flat[:, finite].mean(axis=1, keepdims=True)
-    spread = np.atleast_2d(np.cov(off[:, finite])) + 1e-9 * np.eye(len(bands))
+    spread = np.atleast_2d(np.cov(off[:, finite])) + 1e-9 * np.eye(bands)
     score = np.einsum("ip,ij,jp->p", off, np.linalg.inv(spread), off)
     mask = score > np.quantile(score[finite], RX_SHARE)
-    image = Image.fromarray(mask.reshape(bands.shape[1:]).astype(np.float32))
-    return picture._replace(bands=(image,), is_byte=False)
+    pixels = mask.reshape(rows, columns, 1).astype(np.float32)
+    return picture._replace(pixels=pixels, is_byte=False)
 
 
 class HotSpot(NamedTuple):

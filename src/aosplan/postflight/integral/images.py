@@ -1,7 +1,7 @@
 """Reading of image files as arrays, and writing of integral images.
 
-Images of any mode that Pillow supports are read.  The result is float32 in the units of the file:
-grey values, or red, green and blue.
+Images of any mode that Pillow supports are read.  The result has the units of the file: grey values,
+or red, green and blue.
 """
 
 from __future__ import annotations
@@ -41,6 +41,9 @@ BANDS = {
 """The mode to which each of Pillow's modes is converted."""
 
 
+ROWS_AT_ONCE = 256
+"""Number of rows that are converted to 8 bits at once."""
+
 BITS_PER_SAMPLE, SAMPLE_FORMAT = 258, 339
 """TIFF tags.  The sample format is 1 for unsigned integers, 2 for signed integers, and 3 for
 floats.
@@ -48,25 +51,30 @@ floats.
 
 
 class Picture(NamedTuple):
-    """An image as Pillow images with float values, one for each band.
+    """An image as an array.
 
     Parameters
     ----------
-    bands
-        One band of grey values, or three bands of red, green and blue, in mode F. weight Alpha
-        between 0 and 1, in mode F, if the image has alpha.
+    pixels
+        Shape (rows, columns, bands): one band of grey values, or red, green and blue; uint8 or
+        float32.
+    weight
+        Shape (rows, columns): alpha between 0 and 1 as float32, if the image has it.
     is_byte
         Whether values are between 0 and 255.
+    block_px
+        Side of the blocks of pixels of the file whose means the pixels are.
     """
 
-    bands: tuple[Image, ...]
-    weight: Image | None
+    pixels: NDArray[np.uint8] | NDArray[np.float32]
+    weight: NDArray[np.float32] | None
     is_byte: bool
+    block_px: int = 1
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height in pixels."""
-        return self.bands[0].size
+        return self.pixels.shape[1], self.pixels.shape[0]
 
 
 class ImageFolder:
@@ -161,8 +169,16 @@ def image_size(path: str) -> tuple[int, int]:
         return image.size
 
 
-def read_picture(path: str) -> Picture:
+def read_picture(path: str, block_px: int = 1) -> Picture:
     """Read an image file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    block_px
+        Side of the blocks of pixels whose means are sufficient.  JPEGs are decoded at a half, a
+        quarter or an eighth of their size if these pixels are not larger.
 
     Raises
     ------
@@ -176,11 +192,19 @@ def read_picture(path: str) -> Picture:
         mode = BANDS.get(image.mode)
         if mode is None:
             raise RequestError(f"image '{path}' has pixels of the unknown mode {image.mode}")
+        width, height = image.size
+        if block_px > 1:
+            image.draft(None, (max(width // block_px, 1), max(height // block_px, 1)))
+        block_px = max(round(width / image.width), 1)
         try:
             deep = _deep(image, path)
-            return _floats(image, mode) if deep is None else _deep_bands(deep)
+            picture = _picture(image, mode) if deep is None else _deep_picture(deep)
         except (OSError, SyntaxError, ValueError, IndexError, EOFError) as error:
             raise RequestError(f"image '{path}' is damaged: {error}") from None
+    if block_px == 1:
+        return picture
+    whole = picture.pixels[: height // block_px, : width // block_px]
+    return picture._replace(pixels=whole, block_px=block_px)
 
 
 def _deep(image: Image, path: str) -> NDArray[np.generic] | None:
@@ -223,37 +247,26 @@ def _first(value: Any, otherwise: int) -> int:
     return otherwise if value is None else int(value)
 
 
-def _deep_bands(pixels: NDArray[np.generic]) -> Picture:
-    """Bands of an array of shape (rows, columns) or (rows, columns, bands).  A second or fourth
-    band is alpha.
+def _deep_picture(pixels: NDArray[np.generic]) -> Picture:
+    """The picture of an array of shape (rows, columns) or (rows, columns, bands); a 2nd or 4th is
+    alpha.
     """
-    if pixels.ndim == 2:
-        return Picture((_float_band(pixels),), None, is_byte=False)
-    colours = pixels.shape[2] - (pixels.shape[2] in (2, 4))
-    bands = tuple(_float_band(pixels[..., band]) for band in range(colours))
-    if colours == pixels.shape[2]:
+    bands = np.atleast_3d(pixels).astype(np.float32)
+    if bands.shape[2] not in (2, 4):
         return Picture(bands, None, is_byte=False)
-    weight = _float_band(np.asarray(pixels[..., -1], dtype=np.float32) / np.float32(65535.0))
-    return Picture(bands, weight, is_byte=False)
+    return Picture(bands[..., :-1], bands[..., -1] / np.float32(65535.0), is_byte=False)
 
 
-def _floats(image: Image, mode: str) -> Picture:
-    """The bands of an image, converted to a mode whose values Pillow reads correctly."""
-    if image.mode.startswith("I;16"):  # The conversion of Pillow would clip values.
-        return Picture((_float_band(np.asarray(image)),), None, is_byte=False)
+def _picture(image: Image, mode: str) -> Picture:
+    """The pixels of an image, converted to a mode whose values Pillow reads correctly."""
+    if mode == "F":
+        return _deep_picture(np.asarray(image))
     if image.mode == "P" and "transparency" not in image.info:
         mode = "RGB"
-    floats = tuple(band.convert("F") for band in image.convert(mode).split())
+    bands = np.atleast_3d(np.asarray(image if image.mode == mode else image.convert(mode)))
     if mode not in ("LA", "RGBA"):
-        return Picture(floats, None, is_byte=mode != "F")
-    weight = _float_band(np.asarray(floats[-1]) / np.float32(255.0))
-    return Picture(floats[:-1], weight, is_byte=True)
-
-
-def _float_band(values: NDArray[np.generic]) -> Image:
-    from PIL import Image
-
-    return Image.fromarray(np.ascontiguousarray(values, dtype=np.float32))
+        return Picture(bands, None, is_byte=True)
+    return Picture(bands[..., :-1], (bands[..., -1] / 255.0).astype(np.float32), is_byte=True)
 
 
 def _opened(path: str) -> Image:
@@ -310,19 +323,27 @@ def png_bytes(
     from PIL import Image
 
     low, high = limits
-    span = high - low if high > low else 1.0
-    with np.errstate(invalid="ignore"):
-        scaled = np.clip(np.rint((values - low) * (255.0 / span)), 0.0, 255.0)
-    alpha = np.where(seen, 255, 0).astype(np.uint8)
-    bands = np.where(seen[..., None], scaled, 0.0).astype(np.uint8)
-    kind = "LA" if bands.shape[2] == 1 else "RGBA"
-    layers = [Image.fromarray(bands[..., index]) for index in range(bands.shape[2])]
-    return _saved(Image.merge(kind, [*layers, Image.fromarray(alpha)]), "PNG")
+    scale = 255.0 / (high - low) if high > low else 255.0
+    rows, columns, count = values.shape
+    bands = np.zeros((rows, columns, count + 1), dtype=np.uint8)
+    for top in range(
+        0, rows, ROWS_AT_ONCE
+    ):  # the values of a large image are not copied as a whole
+        part = slice(top, top + ROWS_AT_ONCE)
+        with np.errstate(invalid="ignore"):
+            scaled = np.clip(np.rint((values[part] - low) * scale), 0.0, 255.0)
+        bands[part, :, :-1] = np.where(seen[part, :, np.newaxis], scaled, 0.0)
+    bands[..., -1] = np.where(seen, 255, 0)
+    return _saved(Image.fromarray(bands), "PNG")
 
 
 def tiff_bytes(values: NDArray[np.float64], seen: NDArray[np.bool_]) -> bytes:
-    """A TIFF with one float32 band.  Pixels that are not seen are nan."""
-    return _saved(_float_band(np.where(seen, values[..., 0], np.nan)), "TIFF")
+    """A TIFF with one float32 band, nan where nothing is seen."""
+    from PIL import Image
+
+    return _saved(
+        Image.fromarray(np.where(seen, values[..., 0], np.nan).astype(np.float32)), "TIFF"
+    )
 
 
 def _saved(image: Image, kind: str) -> bytes:

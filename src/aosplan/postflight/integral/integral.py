@@ -4,9 +4,7 @@ A pixel of the raster is the mean of the views that show it, weighted by their a
 that are not finite are ignored.  In addition to the sums, only one image is in memory at a time.
 The required memory therefore depends on the raster and not on the number of images.
 
-Between its pixels, an image is interpolated bilinearly.  If a pixel of the raster is at least twice
-as large as a pixel of the image, the pixels of the image are first averaged in blocks, so that no
-pixel is skipped.
+Images are warped as `aosplan.postflight.integral.warping` describes.
 """
 
 from __future__ import annotations
@@ -16,21 +14,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from aosplan.errors import RequestError
+from aosplan.errors import RequestError, needs_extra
 from aosplan.postflight.integral.focal_plane import heights_above
-from aosplan.postflight.integral.images import Picture, read_picture
+from aosplan.postflight.integral.images import Picture, image_size, read_picture
+from aosplan.postflight.integral.warping import Relief, block_of, warped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from numpy.typing import NDArray
-    from PIL.Image import Image
 
     from aosplan.postflight.integral.camera_pose import Intrinsics, View
     from aosplan.postflight.integral.focal_plane import Plane, Raster
-
-ROWS_AT_ONCE = 256
-"""Number of rows of a distorted view that are warped at once."""
 
 
 class ViewSource(NamedTuple):
@@ -39,29 +34,6 @@ class ViewSource(NamedTuple):
     view: View
     intrinsics: Intrinsics
     path: str
-
-
-class RasterWindow(NamedTuple):
-    """Part of a raster: ranges of rows and columns."""
-
-    top: int
-    bottom: int
-    left: int
-    right: int
-
-
-def whole_box(raster: Raster) -> RasterWindow:
-    """The whole raster as a box."""
-    return RasterWindow(0, raster.rows, 0, raster.columns)
-
-
-class Relief(NamedTuple):
-    """Heights of a focal surface above its plane, and the change of a point in the camera's frame
-    per metre of height.
-    """
-
-    heights_m: NDArray[np.float64]
-    lift: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -137,12 +109,13 @@ def integrate(
     done = blind = 0
     is_byte = True
     for source in sources:
-        picture = read_source(source, bands)
-        bands = len(picture.bands)
+        ray = plane.to_camera(source.view) @ raster.to_plane
+        picture = read_source(source, bands, block_of(source.intrinsics, ray, raster))
+        bands = picture.pixels.shape[2]
         if adjust is not None:
             picture = adjust(source, picture)
         if sums is None:
-            sums = np.zeros((len(picture.bands), raster.rows, raster.columns))
+            sums = np.zeros((raster.rows, raster.columns, picture.pixels.shape[2]))
         is_byte = is_byte and picture.is_byte
         blind += not add_view(picture, source, plane, raster, sums, coverage, relief_m)
         done += 1
@@ -154,24 +127,28 @@ def integrate(
             "compare --extent and --focal-height with the positions of the cameras",
         )
     with np.errstate(invalid="ignore", divide="ignore"):
-        sums /= coverage
-    return Integral(raster, np.moveaxis(sums, 0, -1), coverage, done, blind, is_byte)
+        sums /= coverage[..., np.newaxis]
+    return Integral(raster, sums, coverage, done, blind, is_byte)
 
 
-def read_source(source: ViewSource, bands: int | None) -> Picture:
-    """The image of a view, after checking its size and its bands."""
-    picture = read_picture(source.path)
-    wanted = (source.intrinsics.width_px, source.intrinsics.height_px)
+def read_source(source: ViewSource, bands: int | None, block_px: int = 1) -> Picture:
+    """The image of a view, after checking its size and its bands.
+
+    The means of blocks of pixels of this side are sufficient (`read_picture`).
+    """
+    picture = read_picture(source.path, block_px)
+    wanted = source.intrinsics.in_blocks(picture.block_px)[:2]
     if picture.size != wanted:
+        width, height = image_size(source.path)
         raise RequestError(
-            f"image '{source.path}' has {picture.size[0]} x {picture.size[1]} pixels, "
-            f"its camera {wanted[0]} x {wanted[1]}",
+            f"image '{source.path}' has {width} x {height} pixels, "
+            f"its camera {source.intrinsics.width_px} x {source.intrinsics.height_px}",
             "all images of a camera have the same size",
         )
-    if bands is not None and len(picture.bands) != bands:
+    if bands is not None and picture.pixels.shape[2] != bands:
         kinds = {1: "grey", 3: "in colour"}
         raise RequestError(
-            f"image '{source.path}' is {kinds[len(picture.bands)]}, but the images "
+            f"image '{source.path}' is {kinds[picture.pixels.shape[2]]}, but the images "
             f"before it are {kinds[bands]}"
         )
     return picture
@@ -186,7 +163,12 @@ def add_view(
     coverage: NDArray[np.float64],
     relief_m: NDArray[np.float64] | None = None,
 ) -> bool:
-    """Add one view to the sums.  Returns whether the view sees any part of the raster."""
+    """Add one view to the sums, shape (rows, columns, bands); return whether it sees any of the
+    raster.
+    """
+    with needs_extra("warping images", "pictures"):
+        import cv2
+
     above_m = plane.camera_m(source.view)[2] - (0.0 if relief_m is None else np.nanmax(relief_m))
     if not above_m > 0.0:
         raise RequestError(
@@ -196,173 +178,22 @@ def add_view(
     # This matrix maps (column, row, 1) of the raster to the camera's frame. Its third row gives the
     # depth.
     ray = plane.to_camera(source.view) @ raster.to_plane
-    box = _reached(ray, source.intrinsics, raster)
-    relief = None
-    if relief_m is not None:
-        box = whole_box(raster)
-        relief = Relief(relief_m, heights_above(plane, source.view))
-    if box is None:
-        return False
-    bands = list(picture.bands)
-    if picture.weight is not None:
-        bands = [_product(band, picture.weight) for band in bands] + [picture.weight]
-    *values, last = warped(bands, source.intrinsics, ray, box, relief)
-    reached = np.isfinite(last)
-    last[~reached] = 0.0
-    window = np.s_[box.top : box.bottom, box.left : box.right]
-    if picture.weight is None:
-        values.append(last)
-    for total, value in zip(sums, values, strict=True):
-        total[window] += value
-    coverage[window] += reached if picture.weight is None else last
-    return bool(reached.any())
-
-
-def _product(band: Image, weight: Image) -> Image:
-    from PIL import Image
-
-    return Image.fromarray(np.asarray(band) * np.asarray(weight))
-
-
-def _reached(
-    ray: NDArray[np.float64], intrinsics: Intrinsics, raster: Raster
-) -> RasterWindow | None:
-    """The part of the raster that an image may show.  If this is not known, it is the whole
-    raster.
-    """
-    whole = whole_box(raster)
-    if not intrinsics.is_pinhole:
-        return whole
-    x = (np.array([0.0, 1.0, 1.0, 0.0]) * intrinsics.width_px - intrinsics.cx_px) / intrinsics.fx_px
-    y = (
-        np.array([0.0, 0.0, 1.0, 1.0]) * intrinsics.height_px - intrinsics.cy_px
-    ) / intrinsics.fy_px
-    columns, rows, scale = np.linalg.solve(ray, np.stack([x, y, np.ones(4)]))
-    if not (scale > 0.0).all():  # The image contains the horizon.
-        return whole
-    columns, rows = columns / scale, rows / scale
-    box = RasterWindow(
-        int(np.clip(np.floor(rows.min()), 0, raster.rows)),
-        int(np.clip(np.ceil(rows.max()), 0, raster.rows)),
-        int(np.clip(np.floor(columns.min()), 0, raster.columns)),
-        int(np.clip(np.ceil(columns.max()), 0, raster.columns)),
-    )
-    return box if box.top < box.bottom and box.left < box.right else None
-
-
-def warped(
-    bands: list[Image],
-    intrinsics: Intrinsics,
-    ray: NDArray[np.float64],
-    box: RasterWindow,
-    relief: Relief | None = None,
-) -> list[NDArray[np.float32]]:
-    """Bands warped to a part of the raster.
-
-    `ray` maps (column, row, 1) of the raster to the camera's frame.  Outside the image, values are
-    0; in the last band they are nan.
-    """
-    corners = np.array(
-        [[box.left, box.right, box.right, box.left], [box.top, box.top, box.bottom, box.bottom]]
-    )
-    depth = ray[2, :2] @ corners + ray[2, 2]
-    bands, block = _blocks(bands, intrinsics, ray, box)
-    if relief is None and intrinsics.is_pinhole and depth.min() > 1e-6 * np.abs(depth).max():
-        outside = [0.0] * (len(bands) - 1) + [np.nan]
-        return [
-            _homography(band, intrinsics, ray, box, block, fill)
-            for band, fill in zip(bands, outside, strict=True)
-        ]
-    return _by_coordinates(bands, intrinsics, ray, box, block, relief)
-
-
-def _blocks(
-    bands: list[Image], intrinsics: Intrinsics, ray: NDArray[np.float64], box: RasterWindow
-) -> tuple[list[Image], int]:
-    """Bands that are averaged in square blocks, and the side of a block [px].  A block is about as
-    large as a pixel of the raster.
-    """
-    middle = np.array([0.5 * (box.left + box.right), 0.5 * (box.top + box.bottom), 1.0])
-    x, y, depth = ray @ middle
-    if not depth > 0.0:
-        return bands, 1
-    slope = np.array([ray[0, :2] * depth - x * ray[2, :2], ray[1, :2] * depth - y * ray[2, :2]])
-    steps = np.linalg.svd(slope / depth**2, compute_uv=False) * intrinsics.fx_px
-    block = int(min(steps.min(), bands[0].width, bands[0].height) + 1e-6)
-    if block < 2:
-        return bands, 1
-    width, height = (side // block * block for side in bands[0].size)
-    return [band.reduce(block, (0, 0, width, height)) for band in bands], block
-
-
-def _homography(
-    band: Image,
-    intrinsics: Intrinsics,
-    ray: NDArray[np.float64],
-    box: RasterWindow,
-    block: int,
-    outside: float,
-) -> NDArray[np.float32]:
-    """One band of a pinhole image, warped by its homography."""
-    from PIL import Image
-
-    camera = np.array(
-        [
-            [intrinsics.fx_px, 0.0, intrinsics.cx_px],
-            [0.0, intrinsics.fy_px, intrinsics.cy_px],
-            [0.0, 0.0, float(block)],
-        ]
-    )
-    shift = np.array([[1.0, 0.0, box.left], [0.0, 1.0, box.top], [0.0, 0.0, 1.0]])
-    matrix = camera @ ray @ shift
-    matrix = matrix / matrix[2, 2]
-    warped = band.transform(
-        (box.right - box.left, box.bottom - box.top),
-        Image.Transform.PERSPECTIVE,
-        tuple(matrix.ravel()[:8]),
-        Image.Resampling.BILINEAR,
-        fillcolor=outside,
-    )
-    return np.array(warped)
-
-
-def _by_coordinates(
-    bands: list[Image],
-    intrinsics: Intrinsics,
-    ray: NDArray[np.float64],
-    box: RasterWindow,
-    block: int,
-    relief: Relief | None,
-) -> list[NDArray[np.float32]]:
-    """Bands of any image, warped point by point with lens distortion.  Points above the horizon are
-    left out.
-    """
-    from scipy.ndimage import map_coordinates
-
-    arrays = [np.asarray(band) for band in bands]
-    warped = [np.empty((box.bottom - box.top, box.right - box.left), np.float32) for _ in arrays]
-    columns = np.arange(box.left, box.right) + 0.5
-    for start in range(box.top, box.bottom, ROWS_AT_ONCE):
-        rows = (np.arange(start, min(start + ROWS_AT_ONCE, box.bottom)) + 0.5)[:, None]
-        x, y, depth = (line[0] * columns + line[1] * rows + line[2] for line in ray)
-        if relief is not None:
-            window = np.s_[start : start + len(rows), box.left : box.right]
-            x, y, depth = (
-                value + lift * relief.heights_m[window]
-                for value, lift in zip((x, y, depth), relief.lift, strict=True)
-            )
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            depth = np.where(depth > 0.0, depth, np.nan)
-            u, v = intrinsics.distorted(x / depth, y / depth)
-            u = (intrinsics.fx_px * u + intrinsics.cx_px) / block
-            v = (intrinsics.fy_px * v + intrinsics.cy_px) / block
-            height, width = arrays[0].shape
-            outside = ~((u >= 0.0) & (u < width) & (v >= 0.0) & (v < height))
-        u[outside] = v[outside] = 0.5
-        for array, out in zip(arrays, warped, strict=True):
-            part = out[start - box.top : start - box.top + len(rows)]
-            map_coordinates(
-                array, [v - 0.5, u - 0.5], part, order=1, mode="nearest", prefilter=False
-            )
-            part[outside] = np.nan if out is warped[-1] else 0.0
-    return warped
+    relief = None if relief_m is None else Relief(relief_m, heights_above(plane, source.view))
+    pixels, weight = picture.pixels, picture.weight
+    if weight is not None:
+        pixels = np.dstack([pixels * weight[..., np.newaxis], weight])
+    has_holes = pixels.dtype != np.uint8 and not np.isfinite(pixels).all()
+    seen = False
+    lens = source.intrinsics.in_blocks(picture.block_px)
+    for tile, values, inside in warped(pixels, lens, ray, raster, relief):
+        if has_holes:
+            np.minimum(inside, np.isfinite(values).all(axis=2), out=inside)
+        seen = seen or bool(inside.any())
+        bands = values if weight is None else np.ascontiguousarray(values[..., :-1])
+        cv2.accumulate(bands, sums[tile.slices], inside)
+        cv2.accumulate(
+            inside if weight is None else np.ascontiguousarray(values[..., -1]),
+            coverage[tile.slices],
+            inside,
+        )
+    return seen

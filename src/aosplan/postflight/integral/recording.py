@@ -48,7 +48,9 @@ class Recording:
         `images` is the folder of the images; None if the images are the photos in the folder
         `poses`.
     focal_height_m, slope
-        Height of the focal plane along the world's upward axis, and its rise along x and y.
+        Height of the focal plane along the world's upward axis, and its rise along x and y.  None
+        if the height will be searched for: 0 for photos, whose heights are above the take-off, and
+        otherwise any height below the cameras.
     up
         Name of the upward axis; None for z or -z, whichever is opposite to the viewing directions.
     camera
@@ -69,6 +71,8 @@ class Recording:
         Warnings about assumptions and about views that were left out.
     sigma_m
         Standard deviation of the positions, if it is known.
+    is_height_known
+        Whether the heights of the cameras above the plane are about those above the ground.
 
     Raises
     ------
@@ -82,7 +86,7 @@ class Recording:
         poses: str,
         images: str | None = None,
         *,
-        focal_height_m: float = 0.0,
+        focal_height_m: float | None = 0.0,
         slope: tuple[float, float] = (0.0, 0.0),
         up: str | None = None,
         camera: Callable[[int, int], Intrinsics] | None = None,
@@ -102,15 +106,21 @@ class Recording:
             folder.file_of(self.missing[0])  # This raises an error about the first missing image.
         if up is not None and up not in UPS:
             raise RequestError(f"--up '{up}' is not one of {', '.join(UPS)}")
-        self.plane = Plane(upward(self.views) if up is None else up, focal_height_m, slope)
+        self.is_height_known = focal_height_m is not None or is_photo_folder(poses)
+        self.plane = Plane(upward(self.views) if up is None else up, focal_height_m or 0.0, slope)
         places = np.array([self.plane.camera_m(view) for view in self.views])
+        if not self.is_height_known:
+            extent_m = float(np.ptp(places[:, :2], axis=0).max())
+            height_m = float(places[:, 2].min()) - max(extent_m, 1.0)
+            self.plane = self.plane._replace(height_m=height_m)
+            places[:, 2] -= self.plane.height_m
         self.positions_m: NDArray[np.float64] = places[:, :2]
         self.heights_m: NDArray[np.float64] = places[:, 2]
         low = int(np.argmin(self.heights_m))
         if not self.heights_m[low] > 0.0:
             raise RequestError(
                 f"image '{self.views[low].name}': its camera is {-self.heights_m[low]:g} m below "
-                f"the focal plane at {focal_height_m:g} m",
+                f"the focal plane at {self.plane.height_m:g} m",
                 f"heights are measured along {self.plane.up} of the world; --up is one of "
                 f"{', '.join(UPS)}",
             )

@@ -69,15 +69,13 @@ def faded(_source: ViewSource, picture: Picture) -> Picture:
     """A picture whose weight decreases towards its edges.  The edges of photos are then invisible
     in the integral image.
     """
-    from PIL import Image
-
     width, height = picture.size
     x, y = ((np.arange(side) + 0.5) / side for side in (width, height))
     ramps = [np.clip(np.minimum(line, 1.0 - line) / RIM, 0.0, 1.0) for line in (x, y)]
     weight = np.outer(ramps[1], ramps[0]).astype(np.float32)
     if picture.weight is not None:
-        weight = weight * np.asarray(picture.weight)
-    return picture._replace(weight=Image.fromarray(weight))
+        weight = weight * picture.weight
+    return picture._replace(weight=weight)
 
 
 def equalized(sources: Sequence[ViewSource], plane: Plane, raster: Raster) -> Adjust:
@@ -87,8 +85,6 @@ def equalized(sources: Sequence[ViewSource], plane: Plane, raster: Raster) -> Ad
     Byte values are multiplied by a factor, because the exposure differs between photos.  To other
     values, such as temperatures, an offset is added, because thermal cameras drift.
     """
-    from PIL import Image
-
     from aosplan.postflight.integral.focal_plane import Raster
     from aosplan.postflight.integral.integral import add_view, read_source
 
@@ -100,9 +96,9 @@ def equalized(sources: Sequence[ViewSource], plane: Plane, raster: Raster) -> Ad
     for source in sources:
         picture = read_source(source, None)
         is_byte = is_byte and picture.is_byte
-        sums, seen = np.zeros((len(picture.bands), *shape)), np.zeros(shape)
+        sums, seen = np.zeros((*shape, picture.pixels.shape[2])), np.zeros(shape)
         add_view(picture, source, plane, small, sums, seen)
-        grey = sums.mean(axis=0)
+        grey = sums.mean(axis=2)
         images.append(np.where(seen > 0.5, grey / np.maximum(seen, 1e-9), np.nan))
     stack = np.stack(images)
     change = np.full(len(stack), 1.0 if is_byte else 0.0)
@@ -123,16 +119,9 @@ def equalized(sources: Sequence[ViewSource], plane: Plane, raster: Raster) -> Ad
     by_name = {source.path: float(value) for source, value in zip(sources, change, strict=True)}
 
     def adjust(source: ViewSource, picture: Picture) -> Picture:
-        value = by_name.get(source.path, 1.0 if is_byte else 0.0)
-        bands = tuple(
-            Image.fromarray(
-                np.asarray(band) * np.float32(value)
-                if is_byte
-                else np.asarray(band) + np.float32(value)
-            )
-            for band in picture.bands
-        )
-        return picture._replace(bands=bands)
+        value = np.float32(by_name.get(source.path, 1.0 if is_byte else 0.0))
+        pixels = picture.pixels * value if is_byte else picture.pixels + value
+        return picture._replace(pixels=pixels)
 
     return adjust
 
