@@ -168,13 +168,9 @@ class Thinning(Summarized, thinnings.Thinning):
         ax
             Axes to draw on; a new figure by default.
         """
-        from aosplan.show.figures.canvas import check_extra
+        from aosplan.show.figures.axes import axes_or_new
 
-        check_extra()
-        import matplotlib.pyplot as plt
-
-        if ax is None:
-            _, ax = plt.subplots(figsize=(5.0, 5.0), layout="constrained")
+        ax = axes_or_new(ax, (5.0, 5.0))
         kept = self.columns()
         ax.plot(self.east_m, self.north_m, ".", color="0.6", label=f"all {len(self.views)} views")
         ax.plot(kept["east_m"], kept["north_m"], "o", mfc="none", label=f"{len(self.chosen)} kept")

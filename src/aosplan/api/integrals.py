@@ -57,13 +57,9 @@ class Integral(Summarized, integrals.Integral):
         ax
             Axes to draw on; a new figure by default.
         """
-        from aosplan.show.figures.canvas import check_extra
+        from aosplan.show.figures.axes import axes_or_new
 
-        check_extra()
-        import matplotlib.pyplot as plt
-
-        if ax is None:
-            _, ax = plt.subplots(figsize=(5.5, 5.0), layout="constrained")
+        ax = axes_or_new(ax, (5.5, 5.0))
         west, south, east, north = self.raster.extent_m
         grey = self.values.shape[2] == 1
         shown = self.values[:, :, 0] if grey else self.values / (255.0 if self.is_byte else 1.0)

@@ -63,13 +63,9 @@ class Simulation(Summarized, compare.Simulation):
         ax
             Axes to draw on; a new figure by default.
         """
-        from aosplan.show.figures.canvas import check_extra
+        from aosplan.show.figures.axes import axes_or_new
 
-        check_extra()
-        import matplotlib.pyplot as plt
-
-        if ax is None:
-            _, ax = plt.subplots(figsize=(4.5, 3.2), layout="constrained")
+        ax = axes_or_new(ax, (4.5, 3.2))
         table, places = self.columns(), range(len(SYMBOLS))
         errors = [2.0 * error for error in table["standard_error"]]
         ax.errorbar(

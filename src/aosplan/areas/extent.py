@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import shapely
 
+from aosplan.numerics import heading_axis, turned
+
 if TYPE_CHECKING:
     from aosplan.areas.area import Area
 
@@ -44,12 +46,11 @@ def extent_of(area: Area, heading_deg: float) -> Extent:
         Direction of the flight lines, clockwise from true north.
     """
     shape = area.canopy if area.keep_out.is_empty else area.canopy.difference(area.keep_out)
-    heading = math.radians(heading_deg)
-    sine, cosine = math.sin(heading), math.cos(heading)
+    axis = heading_axis(heading_deg)
     parts = [shapely.get_coordinates(part) for part in shapely.get_parts(shape)]
-    along = [points @ (sine, cosine) for points in parts]
-    across = [points @ (cosine, -sine) for points in parts]
-    return Extent(float(shape.area), _length_m(along), _length_m(across))
+    sides = [turned(points[:, 0], points[:, 1], axis) for points in parts]
+    along_m, across_m = (_length_m([side[place] for side in sides]) for place in (0, 1))
+    return Extent(float(shape.area), along_m, across_m)
 
 
 def least_lattice(

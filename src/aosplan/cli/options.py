@@ -165,6 +165,24 @@ def request_options(only: Callable[[Option], bool] = lambda _: True) -> list[Typ
     ]
 
 
+def positions_argument() -> TyperArgument:
+    """The positions of photos."""
+    return file_argument(
+        "positions",
+        "Positions of the photos: a folder of photos, a mission file (.waypoints, .plan, "
+        ".kmz, .mavlink), a CSV or a .geojson.",
+    )
+
+
+def request_argument() -> TyperArgument:
+    """A request file, which is not required."""
+    return file_argument(
+        "request",
+        "Request file (TOML or JSON) or saved plan.  Options override its values.",
+        required=False,
+    )
+
+
 def defaults_option() -> TyperOption:
     """``--defaults``."""
     return text_option(

@@ -10,9 +10,9 @@ from aosplan.cli.options import (
     COMMON,
     command,
     defaults_option,
-    file_argument,
     flag_option,
     output_options,
+    request_argument,
     request_options,
     text_option,
 )
@@ -181,11 +181,7 @@ COMMAND = command(
     ),
     common=COMMON,
     parameters=[
-        file_argument(
-            "request",
-            "Request file (TOML or JSON) or saved plan.  Options override its values.",
-            required=False,
-        ),
+        request_argument(),
         *request_options(),
         defaults_option(),
         *output_options(),

@@ -13,6 +13,7 @@ from aosplan.cli.options import (
     defaults_option,
     file_argument,
     output_options,
+    positions_argument,
     request_options,
     text_option,
 )
@@ -225,11 +226,7 @@ COMMAND = command(
     ),
     common=frozenset(),
     parameters=[
-        file_argument(
-            "positions",
-            "Positions of the photos: a folder of photos, a mission file (.waypoints, .plan, "
-            ".kmz, .mavlink), a CSV or a .geojson.",
-        ),
+        positions_argument(),
         file_argument(
             "plan",
             "Output of `aosplan plan --json`, or the request file.  Options override its values.",

@@ -9,9 +9,9 @@ from aosplan import units as q
 from aosplan.cli.options import (
     command,
     defaults_option,
-    file_argument,
     flag_option,
     json_option,
+    request_argument,
     request_options,
     text_option,
 )
@@ -190,11 +190,7 @@ COMMAND = command(
     ),
     common=frozenset({"altitude", "vhat", "scene"}),
     parameters=[
-        file_argument(
-            "request",
-            "Request file (TOML or JSON) or saved plan.  Options override its values.",
-            required=False,
-        ),
+        request_argument(),
         *request_options(),
         defaults_option(),
         text_option("--seed", "N", "Random seed.  [1]", "Simulation"),

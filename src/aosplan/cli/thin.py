@@ -8,9 +8,10 @@ from typing import Any
 from aosplan.cli.options import (
     command,
     defaults_option,
-    file_argument,
     flag_option,
     json_option,
+    positions_argument,
+    request_argument,
     request_options,
     text_option,
 )
@@ -100,16 +101,8 @@ COMMAND = command(
     ),
     common=frozenset({"samples"}),
     parameters=[
-        file_argument(
-            "positions",
-            "Positions of the photos: a folder of photos, a mission file (.waypoints, .plan, "
-            ".kmz, .mavlink), a CSV or a .geojson.",
-        ),
-        file_argument(
-            "request",
-            "Request file (TOML or JSON) or saved plan.  Options override its values.",
-            required=False,
-        ),
+        positions_argument(),
+        request_argument(),
         text_option("--samples", "N", "Number of photos to select."),
         text_option(
             "--best",

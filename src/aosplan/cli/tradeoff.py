@@ -9,9 +9,9 @@ from aosplan.cli.options import (
     COMMON,
     command,
     defaults_option,
-    file_argument,
     flag_option,
     json_option,
+    request_argument,
     request_options,
     text_option,
 )
@@ -124,11 +124,7 @@ COMMAND = command(
     ),
     common=COMMON,
     parameters=[
-        file_argument(
-            "request",
-            "Request file (TOML or JSON) or saved plan.  Options override its values.",
-            required=False,
-        ),
+        request_argument(),
         *request_options(),
         defaults_option(),
         text_option("--out", "PATH", "Write all rows: .csv, .json or .jsonl.", "Output"),

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from aosplan.geodesy import local_crs, to_wgs84
+from aosplan.geodesy import to_wgs84
 from aosplan.maps.detection_map import canopy_over, ground_of, photos_of, relative_depth
-from aosplan.maps.geotiff import geotiff_bytes
 from aosplan.maps.photo_sets import PhotoSets, photo_sets
 from aosplan.maps.place_detection import PlaceDetection
 
@@ -99,13 +98,7 @@ class CoverageMap(NamedTuple):
         if self.planned_detection is not None:
             bands += [self.flown_detection, self.planned_detection]
             names += ["probability of detection", "probability of detection as planned"]
-        return geotiff_bytes(
-            np.stack([self.cells.raster(band) for band in bands]),
-            (self.cells.left_m, self.cells.top_m),
-            self.cells.cell_m,
-            local_crs(*self.origin),
-            names,
-        )
+        return self.cells.geotiff(bands, names, self.origin)
 
     def gap_polygons(self) -> list[Any]:
         """The gaps as polygons in metres east and north, the largest first."""

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from aosplan.errors import RequestError
-from aosplan.geodesy import local_crs
-from aosplan.maps.geotiff import geotiff_bytes
 from aosplan.maps.ground_cells import GroundCells, cells_over, footprints, side_m
 from aosplan.maps.local_canopy import LocalCanopy, local_canopy
 from aosplan.maps.photo_sets import along_and_across, photo_sets
@@ -111,13 +109,7 @@ class DetectionMap(NamedTuple):
         if self.canopy is not None:
             bands.append(-np.expm1(-self.canopy.depth))
             names.append("share of the ground that is hidden from above")
-        return geotiff_bytes(
-            np.stack([self.cells.raster(band) for band in bands]),
-            (self.cells.left_m, self.cells.top_m),
-            self.cells.cell_m,
-            local_crs(*self.origin),
-            names,
-        )
+        return self.cells.geotiff(bands, names, self.origin)
 
     def messages(self) -> Iterator[Message]:
         """Yield warnings for the user of the map."""

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from aosplan.geodesy import local_crs
+from aosplan.maps.geotiff import geotiff_bytes
+from aosplan.numerics import heading_axis, turned
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     Floats = NDArray[np.float64]
@@ -60,6 +66,20 @@ class GroundCells(NamedTuple):
         """Values of all cells as rows of the raster, with nan outside."""
         return np.where(self.inside, np.reshape(values, self.inside.shape), np.nan)
 
+    def geotiff(
+        self, bands: Sequence[NDArray[Any]], names: Sequence[str], origin: tuple[float, float]
+    ) -> bytes:
+        """A GeoTIFF with values of all cells, around a latitude and longitude.
+
+        Raises
+        ------
+        MissingExtraError
+            If rasterio is not installed.
+        """
+        corner = self.left_m, self.top_m
+        rasters = np.stack([self.raster(band) for band in bands])
+        return geotiff_bytes(rasters, corner, self.cell_m, local_crs(*origin), names)
+
 
 def side_m(area_m2: float, narrowest_m: float) -> float:
     """Side of the cells for an area; its narrow side is at least a few cells wide."""
@@ -98,10 +118,7 @@ def footprints(points_m: Floats, footprint_m: tuple[float, float], heading_deg: 
     """
     import shapely
 
-    heading = math.radians(heading_deg)
-    along = np.array([math.sin(heading), math.cos(heading)])
-    across = np.array([math.cos(heading), -math.sin(heading)])
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.5 * np.array(footprint_m)
-    ring = corners @ np.stack([along, across])
+    ring = np.column_stack(turned(corners[:, 0], corners[:, 1], heading_axis(heading_deg)))
     with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves floating-point flags
         return shapely.union_all(shapely.polygons(points_m[:, None, :] + ring))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from copy import copy
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -82,12 +81,6 @@ class CorrelogramModel:
         self.hold_error_m = hold_error_m
         self._spirals: dict[tuple[float, float, float, bool], tuple[Floats, Floats]] = {}
         self._predictions: Known = {}
-
-    def at_heading(self, heading_deg: float) -> CorrelogramModel:
-        """The same model for patterns at another heading.  Both models share stored results."""
-        turned = copy(self)
-        turned.heading_deg = heading_deg
-        return turned
 
     @property
     def density(self) -> float:

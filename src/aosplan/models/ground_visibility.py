@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
 from aosplan.grid.patterns import local_sites
+from aosplan.numerics import heading_axis, turned
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -202,12 +203,11 @@ def measured_at(
         model = model.beside_the_middle(MOST_TARGETS)
     more_p = more_v = 0.0
     heading_deg = model.heading_deg or 0.0
-    heading = math.radians(heading_deg)
-    sine, cosine = math.sin(heading), math.cos(heading)
+    axis = heading_axis(heading_deg)
     sites = list(zip(*local_sites(pattern, baseline_m, heading_deg), strict=True))
 
     def at(x: float, y: float) -> tuple[float, float]:
-        east, north = x * sine + y * cosine, x * cosine - y * sine
+        east, north = turned(x, y, axis)
         found: Prediction = model.predict_positions([(e - east, n - north) for e, n in sites])
         return found.density + more_p, found.expected + more_v
 

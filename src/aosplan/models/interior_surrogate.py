@@ -7,11 +7,10 @@ targets for a few widths, and the prediction for a pattern is interpolated betwe
 from __future__ import annotations
 
 import math
-from copy import copy
 from typing import TYPE_CHECKING, Any
 
 from aosplan.models.correlogram import CorrelogramModel
-from aosplan.models.model import Prediction
+from aosplan.models.model import Prediction, at_heading
 from aosplan.scenes.correlogram import INTERIOR
 
 if TYPE_CHECKING:
@@ -57,14 +56,7 @@ class InteriorSurrogate:
         """Attributes that do not depend on the aperture, from the model for a single view."""
         if name.startswith("_"):  # `copy` asks for such names before the models exist.
             raise AttributeError(name)
-        return getattr(self._models[0], name)
-
-    def at_heading(self, heading_deg: float) -> InteriorSurrogate:
-        """The same model for patterns at another heading.  Both models share stored results."""
-        turned = copy(self)
-        turned.heading_deg = heading_deg
-        turned._models = [model.at_heading(heading_deg) for model in self._models]  # noqa: SLF001
-        return turned
+        return getattr(self._model(0), name)
 
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
@@ -77,12 +69,16 @@ class InteriorSurrogate:
         share = min(mean_m / self._widest_m, 1.0)
         above = next(i for i, each in enumerate(SHARES) if share <= each)
         if above == 0:
-            return self._models[0].predict(pattern, baseline_m)
+            return self._model(0).predict(pattern, baseline_m)
         weight = (share - SHARES[above - 1]) / (SHARES[above] - SHARES[above - 1])
-        low, high = (self._models[i].predict(pattern, baseline_m) for i in (above - 1, above))
+        low, high = (self._model(i).predict(pattern, baseline_m) for i in (above - 1, above))
         density = low.density + weight * (high.density - low.density)
         shortfall = low.shortfall + weight * (high.shortfall - low.shortfall)
         return Prediction(density, 1.0 - density, shortfall)
+
+    def _model(self, index: int) -> CorrelogramModel:
+        """The model of one correlogram at the heading of the patterns."""
+        return at_heading(self._models[index], self.heading_deg)
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
         """The same as `predict`."""

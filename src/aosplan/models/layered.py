@@ -111,10 +111,6 @@ class LayeredModel:
     def _noisy_slanted(self) -> SlantedRays:
         return self._slanted(self.hold_error_m)
 
-    def at_heading(self, heading_deg: float) -> LayeredModel:  # noqa: ARG002 (the interface has it)
-        """The model itself, because slices have no direction."""
-        return self
-
     @property
     def density(self) -> float:
         """p of independent slices, 1 - Π q_j."""

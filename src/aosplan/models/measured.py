@@ -262,12 +262,6 @@ class MeasuredModel:
         """Prediction for a single view from above the centre."""
         return self.predict_positions([(0.0, 0.0)])
 
-    def at_heading(self, heading_deg: float) -> MeasuredModel:
-        """The same model for patterns at another heading.  Both models share stored results."""
-        turned = copy(self)
-        turned.heading_deg = heading_deg
-        return turned
-
     @property
     def density(self) -> float:
         """p of a single nadir sample."""

@@ -19,7 +19,8 @@ of slanted rays.  `aosplan.models.memo` stores predictions.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from copy import copy
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -135,11 +136,6 @@ class VisibilityModel(Protocol):
         depend on direction.
         """
 
-    def at_heading(self, heading_deg: float) -> VisibilityModel:
-        """The same model for patterns at another heading.  If the scene does not depend on
-        direction, it is the model itself.
-        """
-
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
 
@@ -163,6 +159,22 @@ class VisibilityModel(Protocol):
 
         It is only used if `rises_with_baseline` is true.
         """
+
+
+AnyModel = TypeVar("AnyModel", bound=VisibilityModel)
+
+
+def at_heading(model: AnyModel, heading_deg: float) -> AnyModel:
+    """The same model for patterns at another heading; both models share stored results.
+
+    If the scene does not depend on direction, it is the model itself.
+    """
+    if model.heading_deg in (None, heading_deg):
+        return model
+    turned: Any = copy(model)
+    turned.heading_deg = heading_deg
+    found: AnyModel = turned
+    return found
 
 
 def prediction_document(prediction: Prediction) -> dict[str, float | None]:

@@ -63,10 +63,6 @@ class UniformModel(NamedTuple):
         """None, because the volume has no direction."""
         return None
 
-    def at_heading(self, heading_deg: float) -> UniformModel:  # noqa: ARG002 (the interface has it)
-        """The model itself."""
-        return self
-
     @property
     def independent_baseline_m(self) -> float:
         """Smallest baseline at which K = 1/N.  With position noise, this holds within rounding

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.flight.kinematics import Timing
 from aosplan.grid.patterns import AnyFrame, Sites, frame_at, index_for, pattern_for
+from aosplan.models.model import at_heading
 from aosplan.numerics import smallest_root
 
 if TYPE_CHECKING:
@@ -213,8 +214,8 @@ class Problem(NamedTuple):
         before = self.model.heading_deg
         if before is None or before == heading_deg:
             return self
-        model = self.model.at_heading(heading_deg)
-        surrogate = None if self.surrogate is None else self.surrogate.at_heading(heading_deg)
+        model = at_heading(self.model, heading_deg)
+        surrogate = self.surrogate and at_heading(self.surrogate, heading_deg)
         # The wind is given along the axes of the path, so that its components change if the axes
         # turn.
         turn = math.radians(heading_deg - before)

@@ -15,6 +15,23 @@ if TYPE_CHECKING:
     from aosplan.show.figures.draw import FigureData, FigureKind
 
 
+def axes_or_new(ax: Axes | None, size_in: tuple[float, float]) -> Axes:
+    """The given axes, or those of a new pyplot figure of this size [inches].
+
+    Raises
+    ------
+    MissingExtraError
+        If Matplotlib is not installed.
+    """
+    check_extra()
+    if ax is not None:
+        return ax
+    import matplotlib.pyplot as plt
+
+    found: Axes = plt.subplots(figsize=size_in, layout="constrained")[1]
+    return found
+
+
 def plotted(kind: FigureKind, shown: FigureData, ax: Axes | None = None) -> Any:
     """Draw on axes.
 
