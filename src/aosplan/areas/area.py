@@ -360,8 +360,19 @@ def _sound(polygon: Any) -> Any:
     """
     if cross_often([polygon], MOST_MENDED):
         return None
-    sound = polygons_of(shapely.make_valid(polygon))
+    sound = _without_specks(polygons_of(shapely.make_valid(polygon)))
     return sound if abs(sound.area - polygon.area) <= THINNEST_M * polygon.length else None
+
+
+def _without_specks(shape: Any) -> Any:
+    """The polygons of a repaired shape without those that have no width, unless none are left.
+
+    A spike whose sides cross after rounding becomes such a polygon.  If its sides are equal, the
+    repair makes a line of it, which is left out as well.
+    """
+    parts = shapely.get_parts(shape)
+    wide = shapely.area(parts) > 0.5 * THINNEST_M * shapely.length(parts)
+    return shapely.multipolygons(parts[wide]) if wide.any() else shape
 
 
 def _reason(polygon: Any, origin: tuple[float, float]) -> str:
