@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from aosplan.api.flown import thin as thin
     from aosplan.api.integrals import Integral as Integral
     from aosplan.api.integrals import integrate as integrate
+    from aosplan.api.papers import PaperFigure as PaperFigure
+    from aosplan.api.papers import paper_figure as paper_figure
     from aosplan.api.plans import Plan as Plan
     from aosplan.api.plans import Tradeoff as Tradeoff
     from aosplan.api.plans import export as export
@@ -56,6 +58,7 @@ _HOMES = {
     "Integral": "api.integrals",
     "Layer": "scenes.scene",
     "LayeredScene": "scenes.scene",
+    "PaperFigure": "api.papers",
     "Plan": "api.plans",
     "PlanRequest": "planning.request",
     "RequestError": "errors",
@@ -75,6 +78,7 @@ _HOMES = {
     "layered_visibility": "models.layered",
     "mean_squared_error": "models.equations",
     "normalized_visibility": "models.equations",
+    "paper_figure": "api.papers",
     "plan": "api.plans",
     "positions_shortfall": "models.positions",
     "read_scene": "api.scenes",

@@ -22,6 +22,7 @@ from aosplan.show.figures.coverage_curve import curve_of
 from aosplan.show.figures.density import density_of
 from aosplan.show.figures.draw import KINDS
 from aosplan.show.figures.grid import grid_of
+from aosplan.show.figures.paper.registry import numbers_of
 from aosplan.show.figures.style import DARK
 from aosplan.show.figures.sweep import Cell, MapFigure, ScatterFigure
 from aosplan.show.figures.tradeoff import tradeoff_of
@@ -71,6 +72,7 @@ FIGURES = {
         ((5.0, 50.0), (7.0, 44.0), (9.0, 60.0), (12.0, 30.0), (20.0, 29.0), (30.0, 33.0)),
         ((5.0, 50.0), (7.0, 44.0), (12.0, 30.0), (20.0, 29.0)),
     ),
+    "paper": lambda: numbers_of("2b"),
 }
 
 

@@ -288,6 +288,8 @@ def test_fish_shows_what_candidates_mean(program, files):
         ("aosplan plan --scene boreal", ["boreal-pine"]),
         ("aosplan plan --optimize ti", ["time"]),
         ("& 'C:\\Program Files\\aosplan.exe'", None),
+        ("aosplan plot paper 1", ["10"]),
+        ("aosplan plot grid 1", []),
         ("aosplan.exe plan --area 'C:\\no folder\\", []),
     ],
 )

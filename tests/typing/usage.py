@@ -33,5 +33,7 @@ def usage() -> None:
     assert_type(aosplan.thin("flown.csv", keep=20, altitude=40).chosen, list[int])
     assert_type(aosplan.integrate("photos", fov_deg=50.8), aosplan.Integral)
 
+    assert_type(aosplan.paper_figure("2b", seed=7), aosplan.PaperFigure)
+
     aosplan.plan(altitude=[40])  # type: ignore[arg-type]
     aosplan.plan(altidude=40)  # type: ignore[call-arg]

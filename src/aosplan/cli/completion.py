@@ -144,6 +144,9 @@ OWN = {
 }
 """Completions that differ for a certain command."""
 
+AFTER = {("plot", "paper"): _of("show.figures.paper.registry", "FIGURES")}
+"""Completions of the argument after a certain word of a command."""
+
 Candidate = tuple[str, str]
 """A word and its meaning."""
 
@@ -231,7 +234,10 @@ def _argument(
 ) -> list[Candidate]:
     """Candidates for the next argument."""
     values = {i + 1 for i, word in enumerate(before) if _takes_value(by_flag.get(word))}
-    given = sum(i not in values and not word.startswith("-") for i, word in enumerate(before))
+    words = [w for i, w in enumerate(before) if i not in values and not w.startswith("-")]
+    given = len(words)
+    if given == 1 and (command, words[0]) in AFTER:
+        return _matching([(word, "") for word in AFTER[command, words[0]]()], current)
     arguments = [each for each in parameters if each.param_type_name == "argument"]
     if arguments and arguments[-1].nargs == -1:
         given = min(given, len(arguments) - 1)

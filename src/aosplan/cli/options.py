@@ -82,6 +82,7 @@ class PanelCommand(TyperCommand):
 def command(
     name: str,
     callback: Callable[..., None],
+    kind: type[PanelCommand] = PanelCommand,
     *,
     summary: str,
     examples: str,
@@ -94,10 +95,12 @@ def command(
     ----------
     name, callback, summary, examples, parameters
         The command.
+    kind
+        Class of the command, if its help differs.
     common
         Options of a plan that the short help shows; None: all options, without ``--help-all``.
     """
-    made = PanelCommand(
+    made = kind(
         name,
         callback=callback,
         help=summary,

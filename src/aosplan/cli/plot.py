@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from aosplan import __version__
 from aosplan import units as q
 from aosplan.cli.options import (
+    PanelCommand,
     command,
     defaults_option,
     file_argument,
@@ -16,7 +17,7 @@ from aosplan.cli.options import (
     request_options,
     text_option,
 )
-from aosplan.cli.output import print_json, print_warnings, progress_bar
+from aosplan.cli.output import print_json, print_warnings, progress_bar, waiting_bar
 from aosplan.errors import RequestError
 from aosplan.messages import SCHEMA
 from aosplan.planning.user_defaults import request_of
@@ -40,6 +41,7 @@ def run(
     x: str | None,
     y: str | None,
     value: str | None,
+    seed: str | None,
     force: bool,
     quiet: bool,
     as_json: bool,
@@ -56,11 +58,17 @@ def run(
         form_of(out)
         check_output(out, force=force)
         check_extra()
+    for source, given, names in (
+        ("results", (x, y, value), "--x, --y and --value are for sweep"),
+        ("paper", (seed,), "--seed is for paper"),
+    ):
+        if chosen.source != source and any(each is not None for each in given):
+            raise RequestError(f"{names}, not for {chosen.name}")
     shown: FigureData
     if chosen.source == "results":
         shown = _of_results(file, flags, x, y, value)
-    elif any((x, y, value)):
-        raise RequestError(f"--x, --y and --value are for sweep, not for {chosen.name}")
+    elif chosen.source == "paper":
+        chosen, shown = _of_paper(file, flags, seed, quiet=quiet)
     elif chosen.source == "scene":
         shown = _of_scene(chosen, file, flags, quiet=quiet)
     else:
@@ -170,14 +178,38 @@ def _of_results(
     """The numbers of a figure of a sweep's results."""
     from aosplan.show.figures.sweep import results_of
 
-    given = next((name for name, found in flags.items() if found is not None), None)
-    if given is not None:
-        raise RequestError(
-            f"--{given.replace('_', '-')} cannot be used with the results of a sweep"
-        )
+    _check_unused(flags, "the results of a sweep")
     if file is None:
         raise RequestError("no results are given", "give the file that aosplan sweep --out wrote")
     return results_of(file, x, y, value)
+
+
+def _of_paper(
+    number: str | None, flags: dict[str, Any], seed: str | None, *, quiet: bool
+) -> tuple[FigureKind, FigureData]:
+    """A figure of the paper: how it is drawn, and its numbers."""
+    from aosplan.show.figures.paper.registry import (
+        FIGURES,
+        SEED,
+        checked_number,
+        kind_of,
+        numbers_of,
+    )
+
+    _check_unused(flags, "figures of the paper")
+    if number is None:
+        raise RequestError("no figure of the paper is given", f"one of {', '.join(FIGURES)}")
+    found = checked_number(number)
+    chosen_seed = SEED if seed is None else q.index(seed, "--seed")
+    with waiting_bar(f"Figure {found}", quiet=quiet) as progress:
+        return kind_of(found), numbers_of(found, chosen_seed, progress)
+
+
+def _check_unused(flags: dict[str, Any], what: str) -> None:
+    """Refuse options of a plan for figures that do not need one."""
+    given = next((name for name, found in flags.items() if found is not None), None)
+    if given is not None:
+        raise RequestError(f"--{given.replace('_', '-')} cannot be used with {what}")
 
 
 def _is_request(path: str) -> bool:
@@ -190,13 +222,36 @@ def _is_request(path: str) -> bool:
     return "request" in table or any(name in table for name in ("scene", "altitude", "gsd"))
 
 
+class PlotCommand(PanelCommand):
+    """The command; ``plot paper --help`` also lists the figures of the paper."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments, and note whether the help is that of the paper's figures."""
+        ctx.meta[PAPER] = "paper" in args[:1]
+        return super().parse_args(ctx, args)
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the options, and the figures of the paper."""
+        super().format_options(ctx, formatter)
+        if ctx.meta.get(PAPER):
+            from aosplan.show.figures.paper.registry import FIGURES
+
+            with formatter.section("Figures of the paper"):
+                formatter.write_dl([(number, entry.described) for number, entry in FIGURES.items()])
+
+
+PAPER = "aosplan.paper"
+"""Key in the context of a command line that begins with ``plot paper``."""
+
 COMMAND = command(
     "plot",
     run,
+    PlotCommand,
     summary="Draw a figure of a plan, a scene or a sweep, and describe it in text.",
     examples=(
         "aosplan plot visibility --altitude 40 --out visibility.png\n"
-        "aosplan plot correlogram stand.npz --dark --out correlogram.svg"
+        "aosplan plot correlogram stand.npz --dark --out correlogram.svg\n"
+        "aosplan plot paper 7 --out figure-7.png"
     ),
     common=frozenset(),
     parameters=[
@@ -204,7 +259,8 @@ COMMAND = command(
         file_argument(
             "file",
             "Request file or saved plan.  For density, baseline-curve and correlogram, also "
-            "a scene.  For sweep, the file that aosplan sweep wrote.",
+            "a scene.  For sweep, the file that aosplan sweep wrote.  For paper, the number of a "
+            "figure (aosplan plot paper --help lists them).",
             required=False,
         ),
         *request_options(),
@@ -213,6 +269,7 @@ COMMAND = command(
         text_option("--x", "COLUMN", "Sweep: column of the x axis.  [samples]", "Sweep"),
         text_option("--y", "COLUMN", "Sweep: column of the y axis.  [flight_time_s]", "Sweep"),
         text_option("--value", "COLUMN", "Sweep: column to draw as a map over both axes.", "Sweep"),
+        text_option("--seed", "N", "Paper: seed of its simulations.  [2019]", "Paper"),
         flag_option("--dark", "Use a dark background."),
         text_option("--width-mm", "MM", "Width of the figure.  [170]", "Output"),
         text_option("--dpi", "N", "Pixels per inch of a .png.  [150]", "Output"),

@@ -85,6 +85,9 @@ KINDS = {
             "sweep",
             0.66,
         ),
+        FigureKind(
+            "paper", "a figure of the paper, by its number", "paper", "paper.registry", 0.66
+        ),
     )
 }
 """All kinds by name."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 LEAST_CONTRAST = 3.0
 """Smallest contrast of graphics to their background (WCAG 2.2, 1.4.11); for text it is 4.5."""
@@ -124,7 +124,7 @@ def plain(text: str, longest: int = LONGEST) -> str:
     return shown.replace("$", r"\$")
 
 
-def entitle(figure: Figure, title: str) -> None:
+def entitle(figure: Figure | SubFigure, title: str) -> None:
     """Add a title above a figure, aligned left."""
     figure.suptitle(plain(title, TITLE), x=0.01, ha="left", size=9.5, wrap=True)
 
@@ -138,9 +138,9 @@ def logarithmic(axis: Axis, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def legend_below(figure: Figure, handles: list[Any]) -> None:
+def legend_below(figure: Figure | SubFigure, handles: list[Any]) -> None:
     """Add a legend below a figure, with as many columns as fit."""
     longest = max(len(handle.get_label()) for handle in handles)
     column = 4.4 * longest + 36.0  # points: 4.4 per character, 36 for the symbol
-    room = 72.0 * figure.get_size_inches()[0] - 12.0
+    room = 72.0 * figure.bbox.width / figure.dpi - 12.0
     figure.legend(handles=handles, loc="outside lower left", ncols=max(int(room / column), 1))

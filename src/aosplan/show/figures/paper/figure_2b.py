@@ -3,44 +3,86 @@
 The points are volumes: slices of cubes of size one, counted from vertically above.
 """
 
-import numpy as np
-from common import DENSITY, SLICE_DENSITY, agreement, plt, save, write_csv
+from __future__ import annotations
 
-from aosplan import integrated_density
-from aosplan.simulation.forests import generator, uniform_forest
+import math
+from itertools import product
+from typing import TYPE_CHECKING
+
+from aosplan.scenes.density import integrated_density
+from aosplan.show.figures.paper.paper_figure import (
+    UNSTATED,
+    PaperFigure,
+    PaperValue,
+    agreement,
+    body,
+    counted,
+    simulated,
+    starred,
+)
+from aosplan.show.figures.paper.stand import DENSITY, SLICE_DENSITY
+from aosplan.show.figures.style import LINES, legend_below
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from aosplan.show.figures.paper.paper_figure import Progress
+    from aosplan.show.figures.style import Theme
 
 DENSITIES = (0.0025, SLICE_DENSITY, 0.02, 0.05)
-RATIOS = np.arange(0, 201, 4)
-SIMULATED = (10, 40, 87.69, 160)
+RATIOS = tuple(float(ratio) for ratio in range(0, 201, 4))
+SIMULATED = (10.0, 40.0, 87.69, 160.0)
 SIDE = 120
+"""Columns of cubes along each side of a volume; each column is one trial."""
 
 
-def main():
-    figure, axes = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
-    rows, z = [], []
-    for d in DENSITIES:
-        line = [integrated_density(d, float(ratio), 1.0) for ratio in RATIOS]
-        axes.plot(RATIOS, line, label=f"D = {100 * d:g} %")
-        rows += [(d, float(ratio), p, "", "") for ratio, p in zip(RATIOS, line, strict=True)]
-        for index, ratio in enumerate(SIMULATED):
-            model = integrated_density(d, ratio, 1.0)
-            volume = uniform_forest(generator(26, index), d, 1.0, 0.0, ratio, (SIDE, SIDE))
-            p = float(volume.occupied.any(axis=0).mean())
-            error = np.sqrt(model * (1 - model)) / SIDE  # each column of cubes is one trial
-            axes.errorbar(ratio, p, 2 * error, fmt="k.", ms=4, lw=0.8)
-            rows.append((d, float(ratio), model, p, float(error)))
-            z.append((p - model) / error)
-    axes.plot([], [], "k.", label="simulated volumes")
-    axes.set(xlabel="l/o", ylabel="integrated density p", xlim=(0, 200), ylim=(0, 1.02))
-    figure.legend(loc="outside right upper")
-    save(figure, "figure_2b")
-    write_csv("figure_2b", ("D", "l_over_o", "p", "p_simulated", "standard_error"), rows)
-    agreement("2b", "p of simulated volumes against Eq. 1", z)
-    ratio = float(np.log1p(-DENSITY) / np.log1p(-SLICE_DENSITY))
-    print(
-        f"  2b  l/o at which D = 0.95 % gives p = 56.7 %: {ratio:.2f}; the paper prints D and p alone"
+def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
+    """The curves and the simulated points."""
+    from aosplan.simulation.forests import generator, uniform_forest
+
+    rows: list[tuple[object, ...]] = [
+        ("curve", d, ratio, float(integrated_density(d, ratio, 1.0)), None, None)
+        for d, ratio in product(DENSITIES, RATIOS)
+    ]
+    away = []
+    for index, (d, ratio) in enumerate(counted([*product(DENSITIES, SIMULATED)], progress)):
+        model = float(integrated_density(d, ratio, 1.0))
+        volume = uniform_forest(generator(seed, index), d, 1.0, 0.0, ratio, (SIDE, SIDE))
+        p = float(volume.occupied.any(axis=0).mean())
+        error = math.sqrt(model * (1.0 - model)) / SIDE
+        rows.append(("point", d, ratio, model, p, error))
+        away.append((p - model) / error)
+    ratio = math.log1p(-DENSITY) / math.log1p(-SLICE_DENSITY)
+    return PaperFigure(
+        "2b",
+        "density p against l/o",
+        seed,
+        ("part", "D", "l_over_o", "p", "p_simulated", "standard_error"),
+        tuple(rows),
+        (PaperValue("l/o at which D = 0.95 % gives p = 56.7 %", UNSTATED, f"{ratio:.2f}"),),
+        (
+            "Each curve rises from 0 towards 1, the faster the larger D is.",
+            agreement("p of simulated volumes", away),
+        ),
     )
 
 
-if __name__ == "__main__":
-    main()
+def draw(figure: Figure, shown: PaperFigure, theme: Theme) -> None:
+    """Draw a curve and its points for each D."""
+    upper = body(figure, shown, theme)
+    axes = upper.subplots()
+    for d, color, line in zip(DENSITIES, theme.data, LINES, strict=True):
+        curve, points = shown.where(part="curve", D=d), shown.where(part="point", D=d)
+        label = f"D = {100 * d:g} % per slice"
+        axes.plot(curve["l_over_o"], curve["p"], line, color=color, label=label)
+        simulated(axes, points["l_over_o"], points["p_simulated"], points["standard_error"], color)
+    axes.plot([], [], "o", ms=3, color=theme.muted, label="simulated volumes ± 2 s.e.")
+    ratio = math.log1p(-DENSITY) / math.log1p(-SLICE_DENSITY)
+    starred(axes, ratio, DENSITY, theme, "D and p of the paper's scan")
+    axes.set(
+        xlabel="height of the volume / size of an occluder, $l/o$",
+        ylabel="integrated density $p$",
+        xlim=(0, 200),
+        ylim=(0, 1.02),
+    )
+    legend_below(upper, axes.get_legend_handles_labels()[0])

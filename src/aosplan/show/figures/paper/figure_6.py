@@ -1,75 +1,114 @@
-"""Fig. 6a, b: density of the volume against l/o, and share of occluders with d̂ >= 1 against b.
+"""Fig. 6a, b: p of a stand from the top down, and share of the occluders with d̂ >= 1 against b."""
 
-The paper's scan is not public, so a clumped stand is generated that hides the same share of the
-ground.
-"""
+from __future__ import annotations
 
-import numpy as np
-from common import ALTITUDE_M, OCCLUDER_M, beside, plt, save, stand, write_csv
+from typing import TYPE_CHECKING
 
-from aosplan import PlanRequest, integrated_density, plan
-from aosplan.camera.disparity import coverage_share
+from aosplan.show.figures.paper.paper_figure import (
+    UNSTATED,
+    PaperFigure,
+    PaperValue,
+    body,
+    counted,
+    starred,
+)
+from aosplan.show.figures.style import legend_below
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from aosplan.show.figures.paper.paper_figure import Progress
+    from aosplan.show.figures.style import Theme
 
 
-def main():
-    volume = stand()
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
+def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
+    """Both panels, for a clumped stand and by the model."""
+    import numpy as np
 
-    # (a) From the top downwards, the slices that contain something; and Eq. 1 with their mean
-    # density.
+    from aosplan.camera.disparity import coverage_share
+    from aosplan.planning.planner import plan
+    from aosplan.planning.request import PlanRequest
+    from aosplan.scenes.density import integrated_density
+    from aosplan.show.figures.paper.stand import ALTITUDE_M, DENSITY, OCCLUDER_M, stand
+
+    volume = stand(seed)
+    # (a) The slices from the highest to the lowest that has occluders; Eq. 1 with their mean D.
     filled = np.flatnonzero(volume.occupied.any(axis=(1, 2)))
     slices = volume.occupied[filled[0] : filled[-1] + 1][::-1]
-    covered = np.logical_or.accumulate(slices, axis=0).mean(axis=(1, 2))
+    hidden = np.logical_or.accumulate(slices, axis=0).mean(axis=(1, 2))
     d = float(slices.mean())
-    ratio = np.arange(1, len(slices) + 1) * volume.voxel_m / OCCLUDER_M
+    ratio = np.arange(1.0, len(slices) + 1.0) * (volume.voxel_m / OCCLUDER_M)
     model = integrated_density(d, ratio, 1.0)
-    left.plot(ratio, model, label=f"Eq. 1, D = {100 * d:.2f} %")
-    left.plot(ratio, covered, label="clumped stand")
-    left.set(
-        title="(a)", xlabel="l/o, from the top down", ylabel="integrated density p", ylim=(0, 1)
-    )
-    left.legend(loc="lower right")
 
     # (b) Each occupied voxel, at its height.
     heights = (np.arange(len(volume.occupied)) + 0.5) * volume.voxel_m
     weights = volume.occupied.sum(axis=(1, 2))
-    baselines = np.linspace(0.05, 5.0, 100)
+    baselines = [0.05 * k for k in range(1, 101)]
     share = np.array(
         [weights[heights >= OCCLUDER_M * ALTITUDE_M / b].sum() / weights.sum() for b in baselines]
     )
     preset = plan(PlanRequest(altitude=ALTITUDE_M))
     slabs = preset.scene.slabs()
-    uniform = np.array([coverage_share(slabs, ALTITUDE_M, np.inf, b) for b in baselines])
-    right.plot(baselines, uniform, label="uniform volume (preset paper-forest)")
-    right.plot(baselines, share, label="clumped stand")
-    right.axhline(0.98, color="k", ls=":", lw=0.8)
-    right.axvline(3.5, color="k", ls=":", lw=0.8)
+    uniform = [
+        float(coverage_share(slabs, ALTITUDE_M, np.inf, b)) for b in counted(baselines, progress)
+    ]
+    enough = baselines[int(np.argmax(share >= 0.98))]
+    rows = [
+        *(
+            ("a", *each)
+            for each in zip(ratio.tolist(), model.tolist(), hidden.tolist(), strict=True)
+        ),
+        *(("b", *each) for each in zip(baselines, uniform, share.tolist(), strict=True)),
+    ]
+    return PaperFigure(
+        "6",
+        "p from the top down, and the share of occluders with d̂ ≥ 1",
+        seed,
+        ("panel", "l_over_o or b_m", "model", "stand"),
+        tuple(rows),
+        (
+            PaperValue(
+                "p of the stand, which is generated to have it", f"{DENSITY}", f"{hidden[-1]:.3f}"
+            ),
+            PaperValue("p by Eq. 1 with the stand's mean D", UNSTATED, f"{model[-1]:.3f}"),
+            PaperValue(
+                "b at which 98 % have d̂ ≥ 1, uniform",
+                "3.5 m",
+                f"{preset.solution.baseline_m:.2f} m",
+            ),
+            PaperValue("b at which 98 % have d̂ ≥ 1, stand", "3.5 m", f"{enough:.2f} m"),
+        ),
+        (
+            "The base of the uniform scene (paper-forest) is chosen so that b is 3.5 m.",
+            "The scan of the paper is not public, and the stand has other heights and sizes.",
+            "Eq. 1 assumes independent slices; in clumps, occluders are behind each other.",
+        ),
+    )
+
+
+def draw(figure: Figure, shown: PaperFigure, theme: Theme) -> None:
+    """Draw p over l/o, and the share over b."""
+    upper = body(figure, shown, theme)
+    left, right = upper.subplots(1, 2)
+    names = ("model", "stand"), ("by Eq. 1; uniform scene", "clumped stand")
+    for panel, axes in zip("ab", (left, right), strict=True):
+        columns = shown.where(panel=panel)
+        for name, label, color, line in zip(*names, theme.data, ("--", "-"), strict=False):
+            axes.plot(columns[shown.names[1]], columns[name], line, color=color, label=label)
+    starred(left, 87.69, 0.567, theme, "the paper's values")
+    starred(right, 3.5, 0.98, theme, "the paper's values")
+    left.set(
+        title="(a)",
+        xlabel="$l/o$ from the top down",
+        ylabel="integrated density $p$",
+        xlim=(0, None),
+        ylim=(0, 1.03),
+    )
     right.set(
         title="(b)",
-        xlabel="baseline b [m] at 50 m",
-        ylabel="share of occluders with d̂ ≥ 1",
-        ylim=(0, 1.02),
+        xlabel="baseline $b$ [m] at 50 m",
+        ylabel=r"share of occluders with $\hat{d} \geq 1$",
+        xlim=(0, 5),
+        ylim=(0, 1.03),
     )
-    right.legend(loc="lower right")
-    save(figure, "figure_6")
-
-    rows = [
-        ("a", *each) for each in zip(ratio.tolist(), model.tolist(), covered.tolist(), strict=True)
-    ]
-    rows += [
-        ("b", *each)
-        for each in zip(baselines.tolist(), uniform.tolist(), share.tolist(), strict=True)
-    ]
-    write_csv("figure_6", ("panel", "l_over_o or b_m", "model", "stand"), rows)
-    beside("6a", "p of the volume", 0.567, float(covered[-1]), "the stand was grown to have it")
-    beside("6a", "p by Eq. 1 from the mean slice", 0.567, float(model[-1]),
-           "the paper's model is above its scan too, by how much it does not print; clumps overlap")  # fmt: skip
-    at = float(baselines[np.argmax(share >= 0.98)])
-    beside("6b", "b at which 98 % have d̂ >= 1", 3.5, preset.solution.baseline_m,
-           "uniform preset, whose base was chosen so")  # fmt: skip
-    beside("6b", "the same of the clumped stand", 3.5, at,
-           "another stand with heights and an o of its own: the paper's scan is not public")  # fmt: skip
-
-
-if __name__ == "__main__":
-    main()
+    legend_below(upper, left.get_legend_handles_labels()[0])

@@ -1,82 +1,145 @@
-"""Fig. 7a, b: V̂ against the aperture, by the model and for a stand with b = 3.5 m at 50 m."""
+"""Fig. 7a, b: V̂ against the aperture, by the model and for stands with b = 3.5 m at 50 m."""
+
+from __future__ import annotations
 
 import math
+from itertools import product
+from typing import TYPE_CHECKING
 
-import numpy as np
-from common import ALTITUDE_M, BASELINE_M, SAMPLES, beside, grid, plt, save, stand, views, write_csv
+from aosplan.models.equations import aperture, normalized_visibility
+from aosplan.show.figures.paper.paper_figure import (
+    NOT_PUBLIC,
+    PaperFigure,
+    PaperValue,
+    body,
+    counted,
+    plus_minus,
+    simulated,
+    starred,
+)
+from aosplan.show.figures.style import legend_below
 
-from aosplan import aperture, normalized_visibility
-from aosplan.grid.patterns import local_sites, pattern_for
-from aosplan.models.measured import MeasuredModel
-from aosplan.simulation.moments import estimate
-from aosplan.simulation.voxel_views import VoxelViews
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from aosplan.show.figures.paper.paper_figure import Progress
+    from aosplan.show.figures.style import Theme
+    from aosplan.simulation.voxel_views import VoxelViews
 
 DHATS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
-SIDES = (1, 2, 3, 4, 5, 6, 7, 8, 9)
+SIDES = tuple(range(2, 41))
+GRIDS = tuple(range(1, 10))
+"""Cameras along each side of the grids of panel b."""
+
 STANDS = 6
+BELOW_ONE, BELOW_OWN = "12 m below one aperture", "each target below its own"
+"""Which targets are counted: a square below the centre of one aperture, or all of the stand."""
 
 
-def telecentric(index):
-    """Views of a stand in which each target is at the centre of its own aperture."""
-    return VoxelViews(stand(index), ALTITUDE_M, view="telecentric", targets_per_voxel=1)
+def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
+    """The curves of the model, and the mean V̂ of several stands."""
+    import numpy as np
 
+    from aosplan.grid.patterns import local_sites, pattern_for
+    from aosplan.models.measured import MeasuredModel
+    from aosplan.show.figures.paper.stand import ALTITUDE_M, BASELINE_M, SAMPLES, grid, stand
+    from aosplan.simulation.moments import estimate
 
-SEEN = {"12 m below one aperture": views, "each target below its own": telecentric}
-
-
-def vhat_of(seen, positions):
-    """V̂ of several stands, which are independent samples of the forest."""
-    return estimate([seen(index).counts(positions) for index in range(STANDS)])
-
-
-def main():
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.4, 3.6), layout="constrained")
-    rows = []
-    n = np.arange(2, 41)
-    for dhat in DHATS:
-        a, v = (n - 1) * dhat, normalized_visibility(n, n, dhat)
-        style = "--" if dhat < 1 else ":" if dhat > 1 else "-"
-        line = left.plot(a, v, style, lw=1.6 if dhat == 1 else 1, label=f"d̂ = {dhat:g}")[0]
-        at = (math.sqrt(SAMPLES) - 1) * dhat
-        left.plot(at, np.interp(at, a, v), "x", color=line.get_color())
-        rows += [
-            ("a", dhat, int(k * k), float(x), float(y), "") for k, x, y in zip(n, a, v, strict=True)
-        ]
-    left.axhline(0.98, color="k", ls=":", lw=0.8)
-    left.set(title="(a)", xlabel="aperture a (occluders)", ylabel="normalised visibility V̂", xlim=(0, 15), ylim=(0.6, 1.005))  # fmt: skip
-    left.legend(loc="lower right")
-
-    a = [(k - 1) * BASELINE_M for k in SIDES]
-    for name, seen in SEEN.items():
-        found = [vhat_of(seen, grid(k, BASELINE_M)) for k in SIDES]
-        values = [each.normalized for each in found]
-        errors = [each.normalized_standard_error for each in found]
-        right.errorbar(a, values, errors, fmt="o-", ms=3, lw=1, label=f"stands, {name}")
-        rows += [
-            (f"b {name}", "", k * k, x, y, error)
-            for k, x, y, error in zip(SIDES, a, values, errors, strict=True)
-        ]
-    right.plot(a, [1 - 1 / k**2 for k in SIDES], "k-", lw=1, label="Eq. 4")
-    right.set(title="(b)", xlabel="aperture a [m] at b = 3.5 m", ylabel="V̂", ylim=(-0.02, 1.02))
-    right.legend(loc="lower right")
-    save(figure, "figure_7")
-    write_csv("figure_7", ("panel", "dhat", "N", "a", "vhat", "standard_error"), rows)
-
-    beside("7a", "aperture for V̂ = 98 % at d̂ = 1", 6.1, aperture(SAMPLES, 1.0))
-    beside("7a", "aperture [m] of 25 samples 2.8 m apart, in its section III", 14, aperture(25, 2.8),
-           "the paper's text has √N pitches there, its Eq. 5 and Fig. 7 one fewer")  # fmt: skip
+    rows: list[tuple[object, ...]] = [
+        ("a", f"d̂ = {d:g}", n * n, (n - 1) * d, float(normalized_visibility(n, n, d)), None)
+        for d, n in product(DHATS, SIDES)
+    ]
     pattern = pattern_for("trimmed", SAMPLES)
     sites = np.column_stack(local_sites(pattern, BASELINE_M, 0.0))
-    for name, seen in SEEN.items():
-        found = vhat_of(seen, sites)
-        beside("7b", f"V̂ of 50 samples 3.5 m apart, {name}", 0.824, found.normalized,
-               f"standard error {found.normalized_standard_error:.3f} over {STANDS} stands of ours; "
-               "the paper's LiDAR scan is not public")  # fmt: skip
-    model = MeasuredModel(stand(), ALTITUDE_M, targets_per_voxel=1).predict(pattern, BASELINE_M)
-    counted = estimate([telecentric(0).counts(sites)], one_plot=True)
-    print(f"  7b  V̂ of the first stand, telecentric: measured model {model.normalized:.4f}, "
-          f"simulated {counted.normalized:.4f}")  # fmt: skip
+    grids = [grid(n, BASELINE_M) for n in GRIDS]
+    counts = {
+        (index, name): [_seen(seed, index, name).counts(each) for each in (*grids, sites)]
+        for index, name in counted([*product(range(STANDS), (BELOW_ONE, BELOW_OWN))], progress)
+    }
+    values = [
+        PaperValue("aperture for V̂ = 98 % at d̂ = 1 [occluders]", "6.1", f"{float(aperture(SAMPLES, 1.0)):.2f}"),
+        PaperValue("aperture of 25 samples, 2.8 m apart", "14 m", f"{float(aperture(25, 2.8)):.1f} m"),
+    ]  # fmt: skip
+    for name in (BELOW_ONE, BELOW_OWN):
+        *found, chosen = (
+            estimate([counts[index, name][k] for index in range(STANDS)])
+            for k in range(len(grids) + 1)
+        )
+        rows += [
+            ("b", name, n * n, (n - 1) * BASELINE_M, each.normalized, each.normalized_standard_error)
+            for n, each in zip(GRIDS, found, strict=True)
+        ]  # fmt: skip
+        values.append(
+            PaperValue(
+                f"V̂ of {SAMPLES} samples 3.5 m apart, {name}",
+                "0.824",
+                plus_minus(chosen.normalized, chosen.normalized_standard_error),
+            )
+        )
+    model = MeasuredModel(stand(seed), ALTITUDE_M, targets_per_voxel=1)
+    first = estimate([counts[0, BELOW_OWN][-1]], one_plot=True)
+    return PaperFigure(
+        "7",
+        "V̂ against the aperture",
+        seed,
+        ("panel", "curve", "N", "a", "vhat", "standard_error"),
+        tuple(rows),
+        tuple(values),
+        (
+            NOT_PUBLIC,
+            "The paper's section III has √N pitches in an aperture, its Eq. 5 and Fig. 7 one fewer.",
+            f"V̂ of the first stand: measured model "
+            f"{model.predict(pattern, BASELINE_M).normalized:.4f}, simulated {first.normalized:.4f}.",
+        ),
+    )
 
 
-if __name__ == "__main__":
-    main()
+def _seen(seed: int, index: int, name: str) -> VoxelViews:
+    """Views of a stand: of its centre, or of targets that are each below their own aperture."""
+    from aosplan.show.figures.paper.stand import ALTITUDE_M, stand, views
+    from aosplan.simulation.voxel_views import VoxelViews
+
+    if name == BELOW_ONE:
+        return views(seed, index)
+    return VoxelViews(stand(seed, index), ALTITUDE_M, view="telecentric", targets_per_voxel=1)
+
+
+def draw(figure: Figure, shown: PaperFigure, theme: Theme) -> None:
+    """Draw V̂ of the model for several d̂, and of the stands."""
+    import numpy as np
+
+    upper = body(figure, shown, theme)
+    left, right = upper.subplots(1, 2)
+    colors = (*theme.data[:3], theme.text, theme.data[3], theme.data[1])
+    for d, color in zip(DHATS, colors, strict=True):
+        curve = shown.where(panel="a", curve=f"d̂ = {d:g}")
+        line = "--" if d < 1.0 else ":" if d > 1.0 else "-"
+        label = rf"$\hat{{d}}$ = {d:g}"
+        left.plot(curve["a"], curve["vhat"], line, color=color, label=label)
+        at = (math.sqrt(50.0) - 1.0) * d
+        left.plot(at, np.interp(at, curve["a"], curve["vhat"]), "x", color=color, ms=5)
+    left.plot([], [], "x", color=theme.muted, ms=5, label="N = 50")
+    starred(left, 6.1, 0.98, theme, "the paper's values")
+    left.set(
+        title="(a) model",
+        xlabel="aperture $a$ [occluders]",
+        ylabel=r"normalised visibility $\hat{V}$",
+        xlim=(0, 15),
+        ylim=(0.6, 1.01),
+    )
+    for name, color, line in zip((BELOW_ONE, BELOW_OWN), theme.data, ("-", "--"), strict=False):
+        curve = shown.where(panel="b", curve=name)
+        right.plot(curve["a"], curve["vhat"], line, color=color, label=f"stands, {name}")
+        simulated(right, curve["a"], curve["vhat"], curve["standard_error"], color)
+    right.plot(
+        curve["a"], [1.0 - 1.0 / n for n in curve["N"]], color=theme.muted, lw=1, label="Eq. 4"
+    )
+    starred(right, (math.sqrt(50.0) - 1.0) * 3.5, 0.824, theme, "the paper's scan, N = 50")
+    right.set(
+        title="(b) stands, $b$ = 3.5 m at 50 m",
+        xlabel="aperture $a$ [m]",
+        ylim=(-0.02, 1.03),
+    )
+    right.set_ylabel(r"normalised visibility $\hat{V}$")
+    left.legend(loc="lower right", fontsize=7)
+    legend_below(upper, right.get_legend_handles_labels()[0])

@@ -1,52 +1,81 @@
-"""Fig. 9: integral images by aperture and number of samples at b = 2.8 m, from the recording of Fig. 10.
+"""Fig. 9: integral images by aperture and number of samples at b = 2.8 m, from a rendered recording.
 
-Each picture has its SSIM against the integral of all 504 images, as in the paper.  The paper's recording
-is not at hand; `figure_10` renders one.
+Each picture has its SSIM against the integral of all 504 images, as in the paper.
 """
 
-import tempfile
+from __future__ import annotations
 
-import numpy as np
-from common import plt, save, write_csv
-from figure_10 import RULE_M, VIEWS, matched, reference, render
+from typing import TYPE_CHECKING
 
-from aosplan.postflight.integral.recording import Recording
-from aosplan.postflight.integral.view_subset import ViewSubset
-from aosplan.simulation.ssim import similarity
+from aosplan.show.figures.paper.paper_figure import (
+    PaperFigure,
+    PaperValue,
+    Picture,
+    body,
+    pictured,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from aosplan.show.figures.paper.paper_figure import Progress
+    from aosplan.show.figures.style import Theme
 
 APERTURES_M = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0, 28.0)
 
+LOSSES = "no significant loss"
+"""What the paper says of the SSIM of 25 and more samples."""
 
-def main():
-    with tempfile.TemporaryDirectory() as folder:
-        recording = Recording(*render(folder))
-        raster, everything, covered = reference(recording)
-        found = [
-            recording.integrate(ViewSubset(pitch_m=RULE_M, aperture_m=a), raster)
-            for a in APERTURES_M
-        ]
-    rows = []
-    for aperture_m, image in zip(APERTURES_M, found, strict=True):
-        both = covered & image.seen(1)
-        alike = matched(image.values, everything.values, both)
-        ssim, veiled = (
-            similarity(values, everything.values, both, 255.0).ssim
-            for values in (image.values, alike)
-        )
-        rows.append((aperture_m, image.views, ssim, veiled))
-    figure, panels = plt.subplots(2, 4, figsize=(9.4, 5.2), layout="constrained")
-    titles = [f"a = {a:g} m, N = {n}\nSSIM {ssim:.2f}" for a, n, ssim, _ in rows]
-    titles.append(f"all: a = 50 m, N = {VIEWS}\nthe reference")
-    for panel, title, image in zip(panels.flat, titles, [*found, everything], strict=True):
-        panel.imshow(np.clip(image.values / 255.0, 0, 1), interpolation="nearest")
-        panel.set(title=title, xticks=[], yticks=[])
-        panel.grid(visible=False)
-    save(figure, "figure_9")
-    write_csv("figure_9", ("aperture_m", "N", "ssim", "ssim_matched"), rows)
-    for aperture_m, count, ssim, veiled in rows:
-        print(f"  9  a = {aperture_m:g} m, N = {count}: SSIM {ssim:.3f}, with the brightness and contrast "
-              f"of the reference {veiled:.3f}")  # fmt: skip
+DIFFERENCE = (
+    "The recording of the paper is not public, and it prints no numbers of this figure; in the "
+    "rendered one, wide apertures look through more wood, so their images are darker."
+)
 
 
-if __name__ == "__main__":
-    main()
+def compared_values(views: int, ssim: float, matched: float) -> tuple[PaperValue, ...]:
+    """The SSIM of some samples, as it is and with matched brightness and contrast."""
+    words = f"SSIM of N = {views} against all 504 images"
+    return (
+        PaperValue(words, LOSSES, f"{ssim:.2f}"),
+        PaperValue(f"{words}, equally bright", LOSSES, f"{matched:.2f}"),
+    )
+
+
+def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
+    """Image and SSIM for each aperture."""
+    from aosplan.simulation.pictures import check_extra
+
+    check_extra()
+    from aosplan.show.figures.paper.recording import RULE_M, VIEWS, rendered
+
+    rows, pictures = [], []
+    with rendered(seed, progress, len(APERTURES_M)) as recording:
+        for index, aperture_m in enumerate(APERTURES_M):
+            found = recording.compared(aperture_m, RULE_M)
+            rows.append((aperture_m, found.views, found.ssim, found.matched))
+            title = f"a = {aperture_m:g} m, N = {found.views}\nSSIM {found.ssim:.2f}"
+            pictures.append(Picture(title, found.image))
+            if progress is not None:
+                progress(index + 3, len(APERTURES_M) + 2)
+        title = f"all: a = 50 m, N = {VIEWS}\nthe reference"
+        pictures.append(Picture(title, recording.image))
+    chosen = next(row for row in rows if row[1] >= 25)
+    return PaperFigure(
+        "9",
+        "integral images by aperture, 2.8 m apart, from 40 m",
+        seed,
+        ("aperture_m", "N", "ssim", "ssim_matched"),
+        tuple(rows),
+        compared_values(*chosen[1:]),
+        (
+            f"SSIM rises from {rows[0][2]:.2f} for one image to {rows[-1][2]:.2f} for "
+            f"{rows[-1][1]}.",
+            DIFFERENCE,
+        ),
+        tuple(pictures),
+    )
+
+
+def draw(figure: Figure, shown: PaperFigure, theme: Theme) -> None:
+    """Draw the images."""
+    pictured(body(figure, shown, theme).subplots(2, 4).flat, shown.pictures)
