@@ -280,6 +280,23 @@ def test_fish_shows_what_candidates_mean(program, files):
 # PowerShell
 
 
+@pytest.fixture(scope="module")
+def parsed():
+    """A function that parses PowerShell and returns whether the grammar finds an error."""
+    tree_sitter = pytest.importorskip("tree_sitter")
+    grammar = pytest.importorskip("tree_sitter_powershell")
+    parser = tree_sitter.Parser(tree_sitter.Language(grammar.language()))
+    return lambda text: parser.parse(text.encode()).root_node.has_error
+
+
+def test_the_grammar_of_powershell_accepts_its_script(parsed):
+    script = SCRIPTS["powershell"]
+    assert not parsed(script)
+    # The grammar notices what is wrong: a bracket or a quote that is not closed, a missing keyword.
+    for right, wrong in (("$null ", "$null) "), ("'powershell'", "'powershell"), ("try {", "{")):
+        assert parsed(script.replace(right, wrong, 1)), wrong
+
+
 @pytest.mark.parametrize(
     ("line", "wanted"),
     [

@@ -338,6 +338,7 @@ complete --command aosplan --no-files --arguments '(__aosplan_candidates)'
 POWERSHELL = """\
 Register-ArgumentCompleter -Native -CommandName aosplan -ScriptBlock {
     param($wordToComplete, $commandAst, $cursorPosition)
+    $program = $commandAst.GetCommandName()
     # From the program, without a call operator (&) before it, to the cursor.
     $start = $commandAst.CommandElements[0].Extent.StartOffset
     $line = $commandAst.Extent.Text.Substring($start - $commandAst.Extent.StartOffset)
@@ -350,7 +351,7 @@ Register-ArgumentCompleter -Native -CommandName aosplan -ScriptBlock {
     try {
         # An editor without a console refuses an encoding.
         try { [Console]::OutputEncoding = New-Object System.Text.UTF8Encoding $false } catch { }
-        & $commandAst.GetCommandName() 2>$null | ForEach-Object {
+        & $program 2>$null | ForEach-Object {
             $word, $text = $_ -split "`t", 2
             $shown = if ($word -match '[\\s&;,|<>(){}$@#`"'']') { "'" + $word.Replace("'", "''") + "'" } else { $word }
             $tip = if ($text) { $text } else { $word }
@@ -358,7 +359,7 @@ Register-ArgumentCompleter -Native -CommandName aosplan -ScriptBlock {
         }
     } finally {
         try { [Console]::OutputEncoding = $encoding } catch { }
-        Remove-Item Env:AOSPLAN_COMPLETE, Env:COMP_LINE
+        Remove-Item 'Env:AOSPLAN_COMPLETE', 'Env:COMP_LINE'
     }
 }
 """
