@@ -10,8 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from reference import exact
 
-from aosplan.grid import pair_offsets
-from aosplan.grid.pair_offsets import offset_counts
+from aosplan.grid.pair_offsets import counted_by_transform, counted_directly, offset_counts
 from aosplan.grid.patterns import Pattern, pattern_for
 from aosplan.models import positions as sites_module
 from aosplan.models.equations import visibility_shortfall
@@ -265,18 +264,15 @@ def test_a_full_mask_is_a_grid():
         )
 
 
-@pytest.mark.parametrize("direct_pairs", [0, 10**12])
+@pytest.mark.parametrize("counted", [offset_counts, counted_directly, counted_by_transform])
 @pytest.mark.parametrize(("rows", "columns"), [(1, 40), (40, 1), (17, 23), (64, 64), (3, 130)])
-def test_offsets_are_counted_alike_directly_and_by_a_transform(
-    monkeypatch, direct_pairs, rows, columns
-):
+def test_offsets_are_counted_alike_directly_and_by_a_transform(counted, rows, columns):
     mask = masks(rows, columns, 0.4, seed=5)
     reaches = [(rows - 1, columns - 1), (rows // 2, columns // 3), (0, columns - 1), (rows - 1, 0)]
-    monkeypatch.setattr(pair_offsets, "DIRECT_PAIRS", direct_pairs)
     sites = np.argwhere(mask)
     apart = (sites[:, None] - sites[None, :]).reshape(-1, 2)
     for reach_y, reach_x in reaches:
-        counts = offset_counts(mask, reach_y, reach_x)
+        counts = counted(mask, reach_y, reach_x)
         assert counts.shape == (2 * reach_y + 1, 2 * reach_x + 1)
         expected = np.zeros(counts.shape)
         near_enough = (np.abs(apart[:, 0]) <= reach_y) & (np.abs(apart[:, 1]) <= reach_x)
@@ -284,21 +280,13 @@ def test_offsets_are_counted_alike_directly_and_by_a_transform(
         assert np.array_equal(counts, expected)
 
 
-def test_a_transform_of_a_large_lattice_counts_to_the_last_pair(monkeypatch):
+def test_a_transform_of_a_large_lattice_counts_to_the_last_pair():
     mask = masks(300, 280, 0.5, seed=6)
-    by_transform = offset_counts(mask, 12, 12)
-    monkeypatch.setattr(pair_offsets, "DIRECT_PAIRS", math.inf)
-    directly = offset_counts(mask, 12, 12)
+    by_transform = counted_by_transform(mask, 12, 12)
+    directly = counted_directly(mask, 12, 12)
     assert np.array_equal(by_transform, directly)
     assert by_transform[12, 12] == np.count_nonzero(mask)
     assert np.array_equal(by_transform, by_transform[::-1, ::-1])
-
-
-def test_the_transform_gives_the_same_shortfall(monkeypatch):
-    mask = masks(50, 60, 0.7, seed=8)
-    directly = lattice_shortfall(mask, 0.021, 0.034)
-    monkeypatch.setattr(pair_offsets, "DIRECT_PAIRS", 0)
-    assert lattice_shortfall(mask, 0.021, 0.034) == near(directly, rel=ACCURACY)
 
 
 def test_a_lattice_is_its_sites_as_positions():

@@ -1,6 +1,7 @@
 """Figures show the prepared data, and equal the approved pictures."""
 
 import io
+from functools import cache
 
 import matplotlib as mpl
 import numpy as np
@@ -20,14 +21,17 @@ MOST_RMS = 1.0
 """Largest root mean square difference to an approved picture, of 255, with the same matplotlib."""
 
 
-@pytest.fixture
+NARROW = FigureStyle(DARK, width_mm=140.0)
+
+
+@pytest.fixture(scope="module")
 def figure_of():
     """A function that draws a figure with the project's own settings and lays it out."""
     with mpl.rc_context():
         mpl.rcdefaults()
 
-        def draw(name, look=None):
-            look = look or FigureStyle()
+        @cache
+        def draw(name, look=NARROW):
             mpl.rcParams.update(rules(look.theme))
             figure = drawn(KINDS[name.partition("-scatter")[0]], shown(name), look)
             FigureCanvasAgg(figure).draw()
@@ -167,7 +171,7 @@ def test_a_scatter_of_a_sweep_has_its_points_and_its_front(figure_of):
     "look",
     [
         pytest.param(FigureStyle(), id="wide", marks=pytest.mark.slow),
-        pytest.param(FigureStyle(DARK, width_mm=140.0), id="narrow"),
+        pytest.param(NARROW, id="narrow"),
     ],
 )
 @pytest.mark.parametrize("name", FIGURES)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from aosplan.grid.pair_offsets import offset_counts
+from aosplan.grid.pair_offsets import quadrant_counts
 from aosplan.grid.patterns import Pattern
 from aosplan.models.clutter import Radiances, clutter_of, threshold
 from aosplan.models.crown_clutter import crown_covariances
@@ -286,14 +286,8 @@ def _offsets_of(pattern: Sites, baseline_m: float) -> tuple[Floats, Floats, Floa
     """Distances along x and y between the photos of a pattern, with their shares of all pairs."""
     if not isinstance(pattern, Pattern):
         return _apart(baseline_m * np.array(list(pattern.offsets())))
-    mask = np.ones((pattern.rows, pattern.columns), dtype=np.bool_)
-    mask[tuple(np.array(pattern.removed, dtype=np.intp).reshape(-1, 2).T)] = False
-    rows, columns = mask.shape
-    pairs = offset_counts(mask, rows - 1, columns - 1)
-    # The integrals are equal in all four quadrants, so the counts of all quadrants are added in one
-    # quadrant.
-    pairs = pairs[rows - 1 :] + np.pad(pairs[: rows - 1][::-1], ((1, 0), (0, 0)))
-    pairs = pairs[:, columns - 1 :] + np.pad(pairs[:, : columns - 1][:, ::-1], ((0, 0), (1, 0)))
+    # The integrals are equal in all four quadrants.
+    pairs = quadrant_counts(pattern, pattern.rows - 1, pattern.columns - 1)
     y, x = np.nonzero(pairs)
     x_m: Floats = x * np.float64(baseline_m)
     y_m: Floats = y * np.float64(baseline_m * pattern.row_pitch)

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aosplan.grid.pair_offsets import offset_counts
+from aosplan.grid.pair_offsets import quadrant_counts
 from aosplan.grid.patterns import Pattern, Sites
 from aosplan.grid.spiral import Spiral
 from aosplan.models.layered_pairs import RayPairs, Slices
@@ -160,7 +160,7 @@ class LayeredModel:
         if self.rays != "nadir":
             return self._noisy_slanted.predict(pattern, baseline_m, offsets_x, offsets_y)
         few = (reach_y + 1) * (reach_x + 1) <= COUNTS_KEPT
-        pairs = (_kept_counts if few else _quadrant_counts)(pattern, reach_y, reach_x)
+        pairs = (_kept_counts if few else quadrant_counts)(pattern, reach_y, reach_x)
         covariance = self._pairs.at_crossings(offsets_x, offsets_y)
         shortfall = float((pairs * covariance).sum()) / pattern.samples**2
         return Prediction(self.density, self.transparency, shortfall)
@@ -317,27 +317,7 @@ def _groups(count: int, reach: int) -> tuple[Floats, Floats]:
     return far, np.diff(up_to, prepend=0.0)
 
 
-def _quadrant_counts(pattern: Pattern, reach_y: int, reach_x: int) -> NDArray[np.float64]:
-    """Number of ordered pairs of sites by offset, shape (y, x).  Mirrored offsets are added up.
-
-    This is possible because the covariance is equal in all four quadrants.
-    """
-    if pattern.removed:
-        mask = np.ones((pattern.rows, pattern.columns), dtype=bool)
-        mask[tuple(np.transpose(pattern.removed))] = False
-        full = offset_counts(mask, reach_y, reach_x)
-        rows = full[reach_y:] + np.vstack([np.zeros_like(full[:1]), full[:reach_y][::-1]])
-        left = np.hstack([np.zeros_like(rows[:, :1]), rows[:, :reach_x][:, ::-1]])
-        quadrant: NDArray[np.float64] = rows[:, reach_x:] + left
-        return quadrant
-    along_y = pattern.rows - np.arange(reach_y + 1.0)
-    along_x = pattern.columns - np.arange(reach_x + 1.0)
-    along_y[1:] *= 2.0
-    along_x[1:] *= 2.0
-    return np.outer(along_y, along_x)
-
-
-_kept_counts = lru_cache(maxsize=256)(_quadrant_counts)
-"""`_quadrant_counts` with stored results, for searches that test several baselines with the same
+_kept_counts = lru_cache(maxsize=256)(quadrant_counts)
+"""`quadrant_counts` with stored results, for searches that test several baselines with the same
 pattern.
 """

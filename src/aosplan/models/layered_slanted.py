@@ -97,11 +97,15 @@ class SlantedRays:
         places = np.cos(np.pi * (np.arange(LENGTHS) + 0.5) / LENGTHS)
         lengths = (1.0 + half * (1.0 + places)).tolist()
         logs = np.array([np.log1p(evaluated(self._pairs_of(length))) for length in lengths])
+        # At the zeros of T_n, sums over the values give the coefficients of the interpolating
+        # polynomial: c_j = (2/n) Σ_k f(x_k) T_j(x_k), and half of it for j = 0.
+        sums = np.polynomial.chebyshev.chebvander(places, LENGTHS - 1).T * (2.0 / LENGTHS)
+        sums[0] *= 0.5
+        series = np.tensordot(sums, logs, axes=1)
 
         def shared(which: Any, at: Floats) -> Floats:
-            series = np.polynomial.chebyshev.chebfit(places, logs[which], LENGTHS - 1)
             place: Floats = np.minimum((at - 1.0) / half - 1.0, 1.0)
-            log = np.polynomial.chebyshev.chebval(place, series, tensor=False)
+            log = np.polynomial.chebyshev.chebval(place, series[which], tensor=False)
             return np.asarray(np.expm1(np.minimum(log, LARGEST_LOG)))
 
         return shared
