@@ -339,7 +339,7 @@ def test_measured_expectations_are_means_over_flights(forest):
     pattern = pattern_for("trimmed", 11)
     noisy = MeasuredModel(forest, 50.0, hold_error_m=0.8)
     exact = MeasuredModel(forest, 50.0)
-    flown = noisy.flown(pattern, 1.5)
+    flown = noisy.noise_expectation(pattern, 1.5)
     assert (flown.flights, flown.seed) == (37, 1)
     flights = [exact.predict_positions(at) for at in noisy.flights_m(pattern, 1.5)]
     assert flown.prediction.expected == near(np.mean([f.expected for f in flights]), rel=1e-12)

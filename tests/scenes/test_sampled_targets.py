@@ -13,7 +13,7 @@ from aosplan.scenes import sampled_targets
 from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.hidden_counts import joint_counts, popcount
 from aosplan.scenes.occlusion import Occlusion, PlotWindow
-from aosplan.scenes.sampled_targets import LATTICES, SampledOcclusion, views_of
+from aosplan.scenes.sampled_targets import LATTICES, SampledOcclusion, occlusion_of
 from aosplan.scenes.voxels import VoxelVolume
 
 
@@ -75,10 +75,13 @@ def test_all_places_within_voxels_count_alike():
 
 def test_only_wide_plots_are_sampled(monkeypatch):
     volume = random_volume(40, 40)
-    assert isinstance(views_of(volume, 12.0), Occlusion)
+    assert isinstance(occlusion_of(volume, 12.0), Occlusion)
     monkeypatch.setattr(sampled_targets, "FEW_TARGETS", 25_000)
-    assert isinstance(views_of(volume, 12.0), SampledOcclusion)
-    assert views_of(volume, 12.0).masks(np.empty((0, 2))).shape == (0, views_of(volume, 12.0).words)
+    assert isinstance(occlusion_of(volume, 12.0), SampledOcclusion)
+    assert occlusion_of(volume, 12.0).masks(np.empty((0, 2))).shape == (
+        0,
+        occlusion_of(volume, 12.0).words,
+    )
 
 
 def test_the_means_are_those_of_all_targets():
@@ -154,9 +157,9 @@ def test_a_plan_on_a_sample_is_predicted_as_on_all_targets(edges, baseline_m):
 def test_wide_plots_have_fewer_targets_in_perspective(monkeypatch):
     volume = clumped_forest(STANDS["open_pine"], side_m=24.0)
     cameras = np.random.default_rng(2).uniform(-5.0, 5.0, (6, 2))
-    every = views_of(volume, 80.0, view="perspective")
+    every = occlusion_of(volume, 80.0, view="perspective")
     monkeypatch.setattr(sampled_targets, "FEW_TARGETS", every.targets // 4)
-    fewer = views_of(volume, 80.0, view="perspective")
+    fewer = occlusion_of(volume, 80.0, view="perspective")
     assert fewer.targets == every.targets // 4
     want = joint_counts(every.masks(cameras)) / every.targets
     assert np.abs(joint_counts(fewer.masks(cameras)) / fewer.targets - want).max() < 0.004

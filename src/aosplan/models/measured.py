@@ -20,7 +20,7 @@ variance between targets.
 
 **Edges.**  The plot is periodic: it is surrounded by copies of itself, so that every target has a canopy. However, a plot that was clipped out of a cloud is sparse at its rim, and the rim of a copy is next to the rim of the plot. If `edges` is ``interior``, only targets whose rays all stay on the plot are counted.
 
-**Noise.**  If positions deviate randomly from their sites, V and p̄ are random too. Their expected values are computed as means over simulated flights (`MeasuredModel.flown`), with standard errors. The number of flights is chosen so that they have about `REALISED_VIEWS` views in total. The random numbers are the same for every plan, so that plans can be compared.
+**Noise.**  If positions deviate randomly from their sites, V and p̄ are random too. Their expected values are computed as means over simulated flights (`MeasuredModel.noise_expectation`), with standard errors. The number of flights is chosen so that they have about `REALISED_VIEWS` views in total. The random numbers are the same for every plan, so that plans can be compared.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from aosplan.models.memo import remembered
 from aosplan.models.model import Prediction
 from aosplan.scenes.hidden_counts import HiddenCount, joint_counts, popcount
 from aosplan.scenes.occlusion import PlotWindow
-from aosplan.scenes.sampled_targets import SampledOcclusion, views_of
+from aosplan.scenes.sampled_targets import SampledOcclusion, occlusion_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -134,7 +134,7 @@ class MeasuredModel:
         self.edges = edges
         self.heading_deg = heading_deg
         self.hold_error_m = hold_error_m
-        self.occlusion = views_of(
+        self.occlusion = occlusion_of(
             volume,
             altitude_m,
             view=view,
@@ -304,10 +304,10 @@ class MeasuredModel:
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline.  They are exact for the sites.
 
-        With position noise, they are means over flights (`flown`).
+        With position noise, they are means over flights (`noise_expectation`).
         """
         if self.hold_error_m > 0.0:
-            return self.flown(pattern, baseline_m).prediction
+            return self.noise_expectation(pattern, baseline_m).prediction
         return self.predict_positions(self.sites_m(pattern, baseline_m))
 
     def sites_m(self, pattern: Sites, baseline_m: float) -> NDArray[np.float64]:
@@ -323,7 +323,7 @@ class MeasuredModel:
             missed = np.random.default_rng([NOISE_SEED, flight]).standard_normal(sites.shape)
             yield sites + self.hold_error_m * missed
 
-    def flown(self, pattern: Sites, baseline_m: float) -> NoiseExpectation:
+    def noise_expectation(self, pattern: Sites, baseline_m: float) -> NoiseExpectation:
         """Expected prediction for a pattern that is flown with position noise."""
         flights = list(self.flights_m(pattern, baseline_m))
         # All flights are computed in one call, because the views share most of the work.

@@ -53,7 +53,7 @@ def cheaper_way(
     if not request.over_area or loaded.kind == "cloud":
         return None
     from aosplan.planning.within import WithinSearch
-    from aosplan.planning.within_shapes import request_of
+    from aosplan.planning.within_shapes import request_for
 
     opened = replace(
         request, within=LONGEST_MIN, optimize="time", grid="best", trigger="best", lanes=None,
@@ -69,7 +69,7 @@ def cheaper_way(
     if found is None:
         return None
     shape = found.candidate.shape
-    way = request_of(opened, found.candidate)
+    way = request_for(opened, found.candidate)
     grid = "--grid line" if shape.rows == 1 else f"--grid lanes --lanes {shape.rows}"
     flights = "" if found.flights == 1 else f" in {found.flights} flights"
     return (

@@ -30,14 +30,14 @@ class Confidence(NamedTuple):
     ----------
     uncertainty
         Standard errors of the prediction; None if they are not known. uncertainty_reason Reason why
-        they are not known; empty if they are known. flown The expectation of the measured model
+        they are not known; empty if they are known. noise The expectation of the measured model
         over position noise, or None. sensitivity Effect on the plan if the scene differs from the
         assumed scene; empty unless requested.
     """
 
     uncertainty: Uncertainty | None = None
     uncertainty_reason: str = ""
-    flown: NoiseExpectation | None = None
+    noise: NoiseExpectation | None = None
     sensitivity: tuple[Change, ...] = ()
 
 
@@ -51,12 +51,12 @@ def confidence_of(solved: SolvedPlan) -> Confidence:
 
         changes = tuple(changes_of(solved))
     if solved.inputs.model == "measured":
-        known, flown = _measured(solved.problem, solved.solution, solved.inputs.edges)
+        known, noise = _measured(solved.problem, solved.solution, solved.inputs.edges)
     else:
-        known, flown = _of_statistics(solved.inputs, solved.solution), None
+        known, noise = _of_statistics(solved.inputs, solved.solution), None
     if isinstance(known, str):
-        return Confidence(None, known, flown, changes)
-    return Confidence(known, "", flown, changes)
+        return Confidence(None, known, noise, changes)
+    return Confidence(known, "", noise, changes)
 
 
 def _measured(
@@ -77,7 +77,7 @@ def _measured(
         inside = model.interior_prediction(*plan)
         if inside is not None:
             errors = with_doubt(errors, solution.prediction, inside, UNIFORM, "edges")
-    return errors, model.flown(*plan) if model.hold_error_m > 0.0 else None
+    return errors, model.noise_expectation(*plan) if model.hold_error_m > 0.0 else None
 
 
 def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution) -> Uncertainty:

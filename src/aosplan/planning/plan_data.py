@@ -165,9 +165,9 @@ class PlanData:
         return self.confidence.uncertainty_reason
 
     @property
-    def flown(self) -> NoiseExpectation | None:
+    def noise(self) -> NoiseExpectation | None:
         """The expectation of the measured model over position noise, or None."""
-        return self.confidence.flown
+        return self.confidence.noise
 
     @property
     def sensitivity(self) -> tuple[Change, ...]:

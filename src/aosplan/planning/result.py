@@ -169,7 +169,7 @@ def plan_document(plan: PlanData) -> dict[str, Any]:
             "edges": plan.edges,
             "uncertainty": None if plan.uncertainty is None else plan.uncertainty.document(),
             "uncertainty_reason": plan.uncertainty_reason or None,
-            "noise": None if plan.flown is None else _noise_document(plan.flown),
+            "noise": None if plan.noise is None else _noise_document(plan.noise),
         },
         "disparity": disparity_document(plan),
         "camera": {
@@ -242,9 +242,9 @@ def waypoints_document(waypoints: Waypoints) -> list[dict[str, Any]]:
     ]
 
 
-def _noise_document(flown: NoiseExpectation) -> dict[str, float]:
+def _noise_document(noise: NoiseExpectation) -> dict[str, float]:
     """Expectation over position noise: the number of simulated flights, and the standard errors."""
-    values = flown._asdict()
+    values = noise._asdict()
     del values["prediction"]
     return values
 

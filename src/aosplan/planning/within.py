@@ -24,7 +24,7 @@ from aosplan.planning.within_result import (
     interval_assumed,
     samples_bounded,
 )
-from aosplan.planning.within_shapes import request_of, ways_of
+from aosplan.planning.within_shapes import request_for, ways_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -96,7 +96,7 @@ def choose_flight(
         sum(len(level.timed) for level in search.levels),
         assumed,
     )
-    return request_of(request, chosen.candidate), answer
+    return request_for(request, chosen.candidate), answer
 
 
 class WithinSearch:

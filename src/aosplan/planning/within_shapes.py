@@ -231,7 +231,7 @@ def lay_out(candidate: FlownShape) -> TimedFlight:
     return TimedFlight(candidate, sum(layout.sites.photo), len(route.flights), route.total_time_s)
 
 
-def request_of(request: PlanRequest, candidate: FlownShape) -> PlanRequest:
+def request_for(request: PlanRequest, candidate: FlownShape) -> PlanRequest:
     """The request for a candidate, with values for all options."""
     shape, way = candidate.shape, candidate.way
     values: dict[str, Any] = {"max_blur": None, "exposure_time": None}

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 from aosplan.errors import RequestError
+from aosplan.mission.mission import Mission, Waypoints
+from aosplan.postflight.positions_file import local_m, read_places
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from aosplan.mission.format import Format
-    from aosplan.mission.mission import Mission
 
 MISSION_ENDINGS = (".waypoints", ".plan", ".kmz", ".mavlink", ".csv")
 """Extensions of mission files.  A ``.csv`` file is one of Litchi, or it has latitudes and
@@ -40,8 +42,6 @@ def read_saved_missions(path: str, chosen: Sequence[Format]) -> tuple[Mission, .
         from aosplan.planning.saved_plan import read_missions
 
         return read_missions(path)
-    from aosplan.postflight.mission_file import read_mission_file
-
     flown = [form.title for form in chosen if form.flown_by]
     if flown:
         raise RequestError(
@@ -50,3 +50,26 @@ def read_saved_missions(path: str, chosen: Sequence[Format]) -> tuple[Mission, .
             "write .csv, .geojson or .kml, or export the plan.json that the mission is from",
         )
     return (read_mission_file(path),)
+
+
+def read_mission_file(path: str) -> Mission:
+    """Read the sites of a mission file at which a photo is taken, in flight order.
+
+    East and north are relative to the first site, and heights are those of the file.  Speeds, holds
+    and other settings of the flight are not read.
+
+    Raises
+    ------
+    RequestError
+        If the file cannot be read, or if a site has no height.
+    """
+    places = read_places(path)
+    east, north = local_m(places, places[0][:2], path, "the first")
+    heights = [place.altitude_m for place in places]
+    known = [height for height in heights if height is not None]
+    if len(known) < len(heights):
+        raise RequestError(f"'{path}': site {heights.index(None)} has no height")
+    ways = Waypoints(
+        east, north, known, [each.latitude for each in places], [each.longitude for each in places]
+    )
+    return Mission(ways, {"source": os.path.basename(path)})

@@ -37,7 +37,7 @@ import numpy as np
 
 from aosplan.scenes.hidden_counts import popcount
 from aosplan.scenes.occlusion import PlotWindow
-from aosplan.scenes.sampled_targets import views_of
+from aosplan.scenes.sampled_targets import occlusion_of
 from aosplan.scenes.voxels import FACE
 
 if TYPE_CHECKING:
@@ -184,7 +184,7 @@ def correlogram(
     # Any altitude above the canopy will do, because views at the same lag are equal for all
     # altitudes.
     altitude_m = 2.0 * top_m + 1.0
-    occlusion = views_of(
+    occlusion = occlusion_of(
         volume, altitude_m, targets_per_voxel=targets_per_voxel, focal_height_m=focal_height_m
     )
     # The lattice has all directions of the full circle. It has two more lags below the smallest

@@ -101,10 +101,10 @@ def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
     Only a few views are computed.  The correlogram (`aosplan.scenes.correlogram`) has many more.
     """
     from aosplan.scenes.hidden_counts import popcount
-    from aosplan.scenes.sampled_targets import views_of
+    from aosplan.scenes.sampled_targets import occlusion_of
 
     altitude_m = 2.0 * volume.canopy_top_m + 1.0  # the result does not depend on the altitude
-    occlusion = views_of(volume, altitude_m)
+    occlusion = occlusion_of(volume, altitude_m)
     turns = np.arange(VIEWS_AN_ANGLE) * (2.0 * np.pi / VIEWS_AN_ANGLE)
     unit = np.column_stack([np.sin(turns), np.cos(turns)])
     pairs = [[0.0, volume.column_occupancy]]

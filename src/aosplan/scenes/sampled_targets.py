@@ -273,7 +273,7 @@ def _wraps(indices: NDArray[np.intp], length: int) -> bool:
     return bool(indices[0] < 0 or indices[-1] >= length)
 
 
-def views_of(
+def occlusion_of(
     volume: VoxelVolume,
     altitude_m: float,
     *,

@@ -83,7 +83,7 @@ def report_page(
     from aosplan.show.page.map_data import packed_columns, scenery_of
     from aosplan.show.page.number_text import NumberFormatter, long, short, spacing
     from aosplan.show.page.search_map import search_map
-    from aosplan.show.page.simulated_photos import views_of
+    from aosplan.show.page.simulated_photos import simulated_photos
     from aosplan.show.page.static_map import MOST_SITES, static_map_of
     from aosplan.show.page.within_curve import within_curve
 
@@ -122,7 +122,7 @@ def report_page(
         within=within_curve(plan),
         search=search_map(detection_map, success),
         profile=profile_of(plan),
-        views=views_of(plan, seed),
+        views=simulated_photos(plan, seed),
         camera=plan.camera.title or plan.camera.name,
         place=plan.origin and _place(*plan.origin),
         turns=plan.waypoints.photo is not None,

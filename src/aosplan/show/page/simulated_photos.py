@@ -49,7 +49,7 @@ class SimulatedPhotos(NamedTuple):
     view: str = ""
 
 
-def views_of(plan: Plan, seed: int | None) -> SimulatedPhotos:
+def simulated_photos(plan: Plan, seed: int | None) -> SimulatedPhotos:
     """Simulate a plan over one volume of the forest that corresponds to its scene."""
     if seed is None:
         return SimulatedPhotos(None, "left out on request")

@@ -1,4 +1,4 @@
-"""Layouts of grids, and lengths and times of the flights over them, for whole columns."""
+"""Grids, and lengths and times of the flights over them, for whole columns."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from aosplan.sweeps.vectorized.inputs import AircraftColumns
 
 
-class _Layout(NamedTuple):
+class _Grid(NamedTuple):
     pattern: Sites
     legs: tuple[tuple[float, int], ...]
 
@@ -41,15 +41,15 @@ class GridColumns(NamedTuple):
 
 
 @lru_cache(maxsize=4096)
-def _layout(grid: str, samples: int) -> _Layout:
+def _grid(grid: str, samples: int) -> _Grid:
     pattern = pattern_for(grid, min(samples, MOST_SITES))
     lengths: Counter[float] = Counter()
     for leg, count in path_of(pattern).legs:
         lengths[math.hypot(leg.x, leg.y)] += count
-    return _Layout(pattern, tuple(lengths.items()))
+    return _Grid(pattern, tuple(lengths.items()))
 
 
-def layouts(wanted: Any, grid: Any) -> GridColumns:
+def smallest_grids(wanted: Any, grid: Any) -> GridColumns:
     """The smallest grids with the given numbers of samples; each distinct grid is computed once."""
     kinds, kind_places = np.unique(grid.astype(str), return_inverse=True)
     counts, count_places = np.unique(wanted, return_inverse=True)
@@ -58,13 +58,13 @@ def layouts(wanted: Any, grid: Any) -> GridColumns:
         return_inverse=True,
     )
     found = [
-        _layout(str(kinds[pair // len(counts)]), int(counts[pair % len(counts)]))
+        _grid(str(kinds[pair // len(counts)]), int(counts[pair % len(counts)]))
         for pair in pairs.tolist()
     ]
     shape = np.broadcast_shapes(grid.shape, wanted.shape)
 
     def column(function: Callable[[Sites], float], dtype: Any) -> NDArray[Any]:
-        table = np.array([function(layout.pattern) for layout in found], dtype=dtype)
+        table = np.array([function(each.pattern) for each in found], dtype=dtype)
         return np.asarray(table[places]).reshape(shape)
 
     return GridColumns(
@@ -73,22 +73,22 @@ def layouts(wanted: Any, grid: Any) -> GridColumns:
         column(lambda pattern: pattern.columns, np.int64),
         column(lambda pattern: pattern.extent[0], np.float64),
         column(lambda pattern: pattern.extent[1], np.float64),
-        [layout.legs for layout in found],
+        [each.legs for each in found],
         places.reshape(shape),
     )
 
 
-def flights(layout: GridColumns, baseline: Any, aircraft: AircraftColumns) -> tuple[Any, Any]:
+def flights(grids: GridColumns, baseline: Any, aircraft: AircraftColumns) -> tuple[Any, Any]:
     """Length of each path [m], and its time with a stop at every site [s]."""
-    most = max(map(len, layout.legs))
-    table = np.zeros((2, most, len(layout.legs)))
-    for column, found in enumerate(layout.legs):
+    most = max(map(len, grids.legs))
+    table = np.zeros((2, most, len(grids.legs)))
+    for column, found in enumerate(grids.legs):
         if found:
             table[:, : len(found), column] = np.transpose(found)
-    length, time = 0.0, layout.samples * aircraft.hold_s
+    length, time = 0.0, grids.samples * aircraft.hold_s
     for kind in range(most):
-        leg = table[0, kind][layout.places] * baseline
-        count = table[1, kind][layout.places]
+        leg = table[0, kind][grids.places] * baseline
+        count = table[1, kind][grids.places]
         length = length + leg * count
         time = (
             time + stop_to_stop_s(leg, aircraft.speed_mps, aircraft.acceleration_mps2, np) * count

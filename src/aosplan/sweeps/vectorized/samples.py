@@ -72,7 +72,7 @@ class SolvedSamples(NamedTuple):
     required: Any
 
 
-def answer(asked: RequirementColumns, statuses: RowStatuses) -> SolvedSamples:
+def solve_samples(asked: RequirementColumns, statuses: RowStatuses) -> SolvedSamples:
     """Samples and baselines that meet the requirements of all rows.
 
     Rows that cannot be met get the error of the solver.

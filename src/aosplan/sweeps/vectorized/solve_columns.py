@@ -26,7 +26,7 @@ from aosplan.models.model import Prediction, contrast_squared
 from aosplan.solver import refusals
 from aosplan.sweeps.block import DEFERRED, INFEASIBLE, INVALID, OK, RowStatuses
 from aosplan.sweeps.solve_rows import NOT_OF_CLEAR_VIEWS, RESULTS
-from aosplan.sweeps.vectorized.flights import flights, layouts
+from aosplan.sweeps.vectorized.flights import flights, smallest_grids
 from aosplan.sweeps.vectorized.inputs import (
     GRIDS,
     aircraft_columns,
@@ -36,7 +36,7 @@ from aosplan.sweeps.vectorized.inputs import (
     solvable_as_columns,
     target_columns,
 )
-from aosplan.sweeps.vectorized.samples import RequirementColumns, SolvedSamples, answer
+from aosplan.sweeps.vectorized.samples import RequirementColumns, SolvedSamples, solve_samples
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -118,7 +118,7 @@ def solve_columns(
         grid = column(given, "grid")
         grid = np.where(np.isin(grid.astype(str), GRIDS), grid, "trimmed").astype(object)
         target = target_columns(given, scene)
-        found = answer(
+        found = solve_samples(
             RequirementColumns(
                 sound,
                 grid,
@@ -139,10 +139,10 @@ def solve_columns(
         if cleared:
             statuses.defer(scene.clear & (given.get("samples", 1) > MOST_SITES))
             found = _with_clear_views(given, scene.clear, found)
-        layout = layouts(np.minimum(found.samples, MOST_SITES), grid)
-        columns = _results(layout, found, rule, scene, camera, altitude)
+        grids = smallest_grids(np.minimum(found.samples, MOST_SITES), grid)
+        columns = _results(grids, found, rule, scene, camera, altitude)
         if not {"flight_length_m", "flight_time_s"}.isdisjoint(results):
-            length, time = flights(layout, found.baseline_m, aircraft)
+            length, time = flights(grids, found.baseline_m, aircraft)
             columns |= {"flight_length_m": length, "flight_time_s": time}
         if cleared:
             for name in NOT_OF_CLEAR_VIEWS:
@@ -229,7 +229,7 @@ def _with_clear_views(given: Columns, clear: Any, found: SolvedSamples) -> Solve
 
 
 def _results(
-    layout: GridColumns,
+    grids: GridColumns,
     found: SolvedSamples,
     rule: _Rule,
     scene: SceneColumns,
@@ -238,7 +238,7 @@ def _results(
 ) -> dict[str, Any]:
     p: Any = np.where(scene.clear, 0.0, scene.density)
     t: Any = np.where(scene.clear, 1.0, scene.transparency)
-    baseline, samples = found.baseline_m, layout.samples
+    baseline, samples = found.baseline_m, grids.samples
     predicted = Prediction(p, t, found.shortfall)
     focal, height = camera.focal_length_px, rule.height_m
     contrast = np.sqrt(contrast_squared(p, t, found.shortfall))
@@ -249,10 +249,10 @@ def _results(
         "samples": samples,
         "samples_required": found.required,
         "aperture_m": sampled_side(samples, np) * baseline,
-        "grid_rows": layout.rows,
-        "grid_columns": layout.columns,
-        "grid_extent_x_m": layout.x * baseline,
-        "grid_extent_y_m": layout.y * baseline,
+        "grid_rows": grids.rows,
+        "grid_columns": grids.columns,
+        "grid_extent_x_m": grids.x * baseline,
+        "grid_extent_y_m": grids.y * baseline,
         "visibility_density": p,
         "visibility_minimum": predicted.minimum,
         "visibility_maximum": predicted.maximum,
