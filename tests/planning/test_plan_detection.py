@@ -7,6 +7,7 @@ from aosplan.models.detection import DetectionModel
 from aosplan.models.signatures import PERSON_M, Signature
 from aosplan.models.target_window import Target
 from aosplan.planning.plan_detection import detection_text
+from aosplan.planning.request import request_from
 
 OWN = {"contrast": 1.0, "canopy_offset": 0.0, "crown_share": 0.0}
 
@@ -86,7 +87,7 @@ def test_bare_ground_shows_everyone():
     ("options", "message"),
     [
         ({"signature": "colour"}, "--signature without --find"),
-        ({"find": "person", "contrast": 2.0}, "--contrast without --canopy-offset"),
+        ({"find": "person", "contrast": 2.0}, "a signature by numbers needs --canopy-offset"),
         ({"find": "person", "signature": "colour", **OWN}, "have the same meaning"),
         ({"find": "dog"}, "is not person and not WxL"),
         ({"find": "99x100"}, "is not between"),
@@ -96,6 +97,15 @@ def test_bare_ground_shows_everyone():
 def test_what_is_refused(options, message):
     with pytest.raises(RequestError, match=message):
         PlanRequest(altitude=40, **options)
+
+
+def test_a_signature_of_flags_overrides_that_of_a_file():
+    named = PlanRequest(altitude=40, find="person").document()
+    assert named["signature"] == "thermal-dawn"
+    numbers = request_from(named, overrides=OWN)
+    assert (numbers.signature, numbers.contrast) == (None, OWN["contrast"])
+    again = request_from(numbers.document(), overrides={"signature": "colour"})
+    assert (again.signature, again.contrast, again.crown_share) == ("colour", None, None)
 
 
 def test_a_target_is_read_back_from_its_request():

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
 
+OWN_SIGNATURE = ("contrast", "canopy_offset", "crown_share")
+"""Options that describe a signature by numbers.  They are given together."""
+
 ALTERNATIVES = (
     (("altitude",), ("gsd",), ("target_size", "target_pixels")),
     (("vhat",), ("visibility",)),
@@ -41,6 +44,7 @@ ALTERNATIVES = (
             "volume_base",
         ),
     ),
+    (("signature",), OWN_SIGNATURE),
     (
         ("camera",),
         ("focal_length", "sensor_width", "sensor_height", "image_width", "image_height"),
@@ -169,6 +173,13 @@ DESCRIPTIONS = (
         "--scene NAME",
     ),
     Description(
+        OWN_SIGNATURE,
+        OWN_SIGNATURE,
+        "a signature by numbers",
+        "give --contrast, --canopy-offset and --crown-share together, or --signature "
+        + ", ".join(SIGNATURES),
+    ),
+    Description(
         ("focal_length",),
         ("sensor_width", "image_width", "image_height"),
         "a camera on the command line",
@@ -209,9 +220,6 @@ BEST = ("visibility", "contrast", "detection")
 
 LEFT_OPEN = ("grid", "heading", "trigger")
 """Options whose values a search chooses if they are not given."""
-
-OWN_SIGNATURE = ("contrast", "canopy_offset", "crown_share")
-"""Options that describe a signature by numbers.  They are given together."""
 
 NOT_SEARCHED = {
     "resume_at": "a resumed mission already has its sites",
@@ -257,18 +265,6 @@ def check_partners(values: Mapping[str, Any]) -> None:
         unpaired = given_flags(values, need.options)
         if unpaired and not need.is_met(values):
             raise RequestError(f"{' and '.join(unpaired)} without {need.shown}", need.hint)
-    own = given_flags(values, OWN_SIGNATURE)
-    if own and values["signature"] is not None:
-        raise RequestError(
-            f"--signature and {' and '.join(own)} have the same meaning", "keep one of them"
-        )
-    if own and len(own) < len(OWN_SIGNATURE):
-        missing = [BY_NAME[name].flag for name in OWN_SIGNATURE if values[name] is None]
-        raise RequestError(
-            f"{' and '.join(own)} without {' and '.join(missing)}",
-            ("give --contrast, --canopy-offset and --crown-share together, or --signature ")
-            + ", ".join(SIGNATURES),
-        )
 
 
 def dependent_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
