@@ -1,1 +1,3 @@
-"""The command line, with one module per command: it parses, calls the library, shows the result."""
+"""The command line.  Each command is a module that parses options, calls the library, and shows the
+result.
+"""

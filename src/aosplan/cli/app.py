@@ -1,4 +1,4 @@
-"""The command group: imports a command when it is called, and turns errors into one line."""
+"""The command group, which imports a command when it is called and prints errors in one line."""
 
 from __future__ import annotations
 
@@ -42,23 +42,25 @@ PANELS = {
         "schema": "Print the JSON Schema of the documents.",
     },
 }
-"""Summary of each command, by panel of the help."""
+"""Summary of each command, by group of the help."""
 
 COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}
 
 
 class LazyGroup(TyperGroup):
-    """A group that has only the summaries of its commands, and imports the one that is called."""
+    """A group that has only the summaries of its commands, and imports a command when it is
+    called.
+    """
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """The command that is called, instead of its summary."""
+        """Find the command that is called, and import it."""
         name, command, rest = super().resolve_command(ctx, args)
         if name in COMMANDS:
             command = import_module(f"aosplan.cli.{name}").COMMAND
         return name, command, rest
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 (the signature is inherited)
-        """Write the commands by panel."""
+        """Write the summaries of the commands by group of the help."""
         for panel, summaries in PANELS.items():
             with formatter.section(panel):
                 formatter.write_dl(list(summaries.items()))
@@ -136,13 +138,15 @@ GROUP = LazyGroup(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 success, 1 the machine failed, 2 the request is wrong."""
+    """Run the command line and exit with a status: 0 for success, 1 if the machine failed, 2 if the
+    request is wrong.
+    """
     leave(run(arguments))
 
 
 def leave(status: int) -> None:
     """Exit without a final garbage collection, because the system frees the memory anyway."""
-    gc.freeze()  # a final garbage collection would take a fifth of the time of a plan
+    gc.freeze()  # A final garbage collection would take 20 % of the time of a plan.
     sys.exit(status)
 
 
@@ -181,7 +185,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return _report("not enough memory for this request", "", 1)
     except KeyboardInterrupt:
         return 130
-    except BaseException as error:  # a bug in the program is also reported in one line
+    except BaseException as error:  # A bug in the program is also reported in one line.
         if _interrupted(error):
             return 130
         if isinstance(error, SystemExit) or os.environ.get("AOSPLAN_DEBUG"):
@@ -207,19 +211,22 @@ def _check_unicode(arguments: Sequence[str]) -> None:
 
 
 def _interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is a cause of an error, because creating a class wraps exceptions."""
+    """Whether Ctrl-C is the cause of an error.  Python wraps an exception that is raised while a
+    class is created.
+    """
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None
 
 
 def _write_what_can_be_shown() -> None:
-    """Replace characters that a stream cannot show: without UTF-8, ``≥`` by ``>=`` and V̂ by
-    ``V^``.
+    """Replace characters that a stream cannot show.  For example, without UTF-8, ``≥`` becomes
+    ``>=`` and V̂ becomes ``V^``.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            errors = "replace"  # for text that is not Unicode, such as parts of file names
+            # This setting is for text that is not Unicode, such as parts of file names.
+            errors = "replace"
             if not stream.encoding.lower().startswith("utf"):
                 from aosplan.show.text.terminal import HANDLER
 
@@ -240,7 +247,9 @@ def _report(message: str, hint: str, status: int) -> int:
 
 
 def _unheard() -> int:
-    """Discard the buffers of closed or full streams, so that they raise no other error at exit."""
+    """Discard the buffers of closed or full streams, so that they do not raise further errors at
+    exit.
+    """
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -262,11 +271,15 @@ def _report_usage(error: TyperException) -> int:
 
 
 LONGEST_WORD = 200
-"""Largest number of characters of a word in a message; longer words are shortened in the middle."""
+"""Largest number of characters of a word in a message.  Longer words are shortened in the
+middle.
+"""
 
 
 def _one_line(text: str) -> str:
-    """Text without line breaks and control characters, which names from files may contain."""
+    """Text without line breaks and control characters.  Names from files may contain such
+    characters.
+    """
     if len(text) > LONGEST_WORD:
         text = " ".join(
             word if len(word) <= LONGEST_WORD else f"{word[:100]}…{word[-60:]}"

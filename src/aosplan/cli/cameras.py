@@ -1,4 +1,4 @@
-"""``aosplan cameras``."""
+"""The command ``aosplan cameras``."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Completion in shells: candidates for the word at the cursor.
+"""Completion in shells: lists candidates for the word at the cursor.
 
-The shell function that ``--show-completion SHELL`` prints runs ``aosplan`` with `VARIABLE` set to
-the name of the shell.  The arguments are the words before the cursor.  bash, which splits words at
-``=`` and ``:``, and PowerShell, which drops empty words, pass the whole line instead.  The output
-has one line per candidate: the word and, after a tab, its meaning.
+``--show-completion SHELL`` prints a shell function.  This function runs ``aosplan`` with `VARIABLE`
+set to the name of the shell.  The arguments are the words before the cursor. bash and PowerShell
+pass the whole line instead, because bash splits words at ``=`` and ``:``, and PowerShell drops
+empty words.  The output has one line per candidate: the word and, after a tab, its meaning.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ VARIABLE = "AOSPLAN_COMPLETE"
 class Values(NamedTuple):
     """Values of an option or argument: known words, and files with some extensions.
 
-    If there are no extensions, no files are suggested; an empty extension stands for any file.
+    If there are no extensions, no files are suggested.  An empty extension means any file.
     """
 
     words: Callable[[], Iterable[str]] = tuple
@@ -73,7 +73,9 @@ def _documents() -> Iterable[str]:
 
 
 def _of(module: str, name: str, *more: str) -> Callable[[], Iterable[str]]:
-    """The names in a table of another module, which is imported when they are needed."""
+    """Function that returns the names in a table of another module.  The module is imported when
+    the names are needed.
+    """
     return lambda: (*getattr(import_module(f"aosplan.{module}"), name), *more)
 
 
@@ -128,7 +130,7 @@ VALUES = {
     "trigger": Values(_of("planning.option_parsers", "TRIGGERS")),
     "view": Values(_of("planning.option_parsers", "VIEWS")),
 }
-"""Completions by the name of an option or argument; numbers and locations have none."""
+"""Completions by the name of an option or argument.  Numbers and locations have no completions."""
 
 OWN = {
     ("integrate", "out"): Values(endings=(".png", ".npz", ".tif")),
@@ -142,7 +144,7 @@ OWN = {
     ("tradeoff", "out"): Values(endings=(".csv", ".json", ".jsonl")),
     ("visibility", "grid"): Values(),
 }
-"""Completions that differ for a certain command."""
+"""Completions of single commands that differ from those in `VALUES`."""
 
 AFTER = {("plot", "paper"): _of("show.figures.paper.registry", "FIGURES")}
 """Completions of the argument after a certain word of a command."""
@@ -160,22 +162,27 @@ def answer(group: TyperGroup) -> None:
     else:
         powershell = os.environ[VARIABLE] == "powershell"
         if powershell and isinstance(sys.stdout, io.TextIOWrapper):
-            sys.stdout.reconfigure(encoding="utf-8")  # as the function in PowerShell reads it
+            sys.stdout.reconfigure(encoding="utf-8")  # The function in PowerShell reads UTF-8.
         found = candidates(_of_powershell() if powershell else sys.argv[1:], group)
         lines = [f"{word}\t{text}" if text else word for word, text in found]
     for line in lines:
-        if "\n" not in line:  # no shell accepts a file name with a line break
+        if "\n" not in line:  # Shells do not accept candidates with a line break.
             print(line)
 
 
 def _of_powershell() -> list[str]:
-    """Words of PowerShell's line after the program; a backslash there separates folders."""
+    """Words of PowerShell's line after the program.  In PowerShell, a backslash separates
+    folders.
+    """
     line = os.environ.get("COMP_LINE", "").replace("\\", "\\\\")
     return [word.replace("\\\\", "\\") for word in _words(line)[1:]]
 
 
 def _for_bash(line: str, breaks: str, group: TyperGroup) -> list[str]:
-    """Candidates for a line up to the cursor; bash inserts them where its last word begins."""
+    """Candidates for a line up to the cursor, without the part before the last word of bash.
+
+    bash inserts a candidate at the beginning of its last word.
+    """
     words = _words(line)
     found = [word for word, _ in candidates(words[1:], group)]
     begin = max((words[-1].rfind(mark) for mark in "=:" if mark in breaks), default=-1) + 1
@@ -183,13 +190,15 @@ def _for_bash(line: str, breaks: str, group: TyperGroup) -> list[str]:
 
 
 def _words(line: str) -> list[str]:
-    """The words of a line, split as by a shell; the last one may be incomplete or empty."""
+    """The words of a line, split in the same way as by a shell.  The last word may be incomplete or
+    empty.
+    """
     for closing in ("", '"', "'"):
         lexer = shlex.shlex(line + closing, posix=True, punctuation_chars=False)
         lexer.whitespace_split, lexer.commenters = True, ""
         try:
             words = list(lexer)
-        except ValueError:  # an unclosed quote
+        except ValueError:  # A quote is not closed.
             continue
         return [*words, ""] if not closing and line[-1:].isspace() else words
     return [""]
@@ -269,7 +278,9 @@ def _values(command: str, name: str, current: str) -> list[Candidate]:
 
 
 def _files(current: str, endings: tuple[str, ...]) -> list[str]:
-    """Files with some extensions whose path starts with the text, and folders, which end with /."""
+    """Files with some extensions whose path starts with the given text, and folders, whose path
+    ends with /.
+    """
     if not endings:
         return []
     folder, start = os.path.split(current)
@@ -376,7 +387,9 @@ def script_of(shell: str) -> str:
 
 
 def install(shell: str) -> tuple[str, str]:
-    """Write a shell's script to its usual place; return the file, and what the user has to do."""
+    """Write the script of a shell to its usual place.  Returns the path of the file, and an
+    instruction for the user.
+    """
     from aosplan.files import write_all
 
     content = script_of(shell).encode()

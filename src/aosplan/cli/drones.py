@@ -1,4 +1,4 @@
-"""``aosplan drones``."""
+"""The command ``aosplan drones``."""
 
 from __future__ import annotations
 

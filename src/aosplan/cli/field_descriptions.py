@@ -1,7 +1,7 @@
 """Descriptions of the fields of documents, for their JSON Schemas and the documentation.
 
-A field has the same meaning in every document, unless an entry ``Document.field`` differs.  Options of a
-plan are described by `aosplan.planning.options`.
+The entry ``field`` describes a field in all documents, except in those that have their own entry
+``Document.field``.  `aosplan.planning.options` describes the options of a plan.
 """
 
 from __future__ import annotations
@@ -451,5 +451,5 @@ FIELD_DESCRIPTIONS = {
 
 
 def meaning(document: str, field: str) -> str | None:
-    """Description of a field of a document; None if there is none."""
+    """Description of a field of a document; None if there is no description."""
     return FIELD_DESCRIPTIONS.get(f"{document}.{field}", FIELD_DESCRIPTIONS.get(field))

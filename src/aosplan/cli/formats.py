@@ -1,4 +1,4 @@
-"""``aosplan formats``."""
+"""The command ``aosplan formats``."""
 
 from __future__ import annotations
 

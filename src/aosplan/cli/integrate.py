@@ -186,7 +186,9 @@ def _extent(text: str | None) -> str | list[float]:
 
 
 def _place(text: str, name: str) -> float:
-    """A coordinate [m], small enough that its decimals are accurate."""
+    """Parse a coordinate [m].  Large coordinates, whose decimals would not be accurate, are
+    refused.
+    """
     from aosplan.postflight.integral.camera_pose import FARTHEST_M
 
     place = number(text, name, "m")
@@ -197,7 +199,7 @@ def _place(text: str, name: str) -> float:
 
 @contextlib.contextmanager
 def _bar(total: int, *, quiet: bool, doing: str = "integrating") -> Iterator[Callable[..., None]]:
-    """A progress bar of views on stderr, if it is a terminal."""
+    """A progress bar of views on stderr, if stderr is a terminal."""
     if quiet or not sys.stderr.isatty():
         yield lambda *_: None
         return

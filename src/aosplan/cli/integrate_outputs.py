@@ -19,7 +19,7 @@ ENDINGS = (".png", ".tif", ".tiff", ".npz")
 
 
 class IntegralDisplay(NamedTuple):
-    """How integral images are displayed, and what is searched in them."""
+    """Options for the display of integral images and for the search in them."""
 
     stretch: bool
     local_m: float | None
@@ -30,7 +30,7 @@ class IntegralDisplay(NamedTuple):
 
 
 def check_outputs(out: tuple[str, ...], others: list[str], *, stacked: bool, force: bool) -> None:
-    """Refuse paths that have a wrong extension, exist, or are given twice."""
+    """Refuse paths that have a wrong extension, that exist, or that are given twice."""
     from aosplan.files import check_output
 
     for path in out:
@@ -75,7 +75,7 @@ def contents_of(
     looks: IntegralDisplay,
     averaged: Callable[..., Integral],
 ) -> tuple[dict[str, bytes], tuple[float, float]]:
-    """Contents of files by path, and the values that are black and white in a PNG."""
+    """Contents of files by path, and the values that are drawn black and white in a PNG."""
     from aosplan.postflight.integral.seeing import local_contrast, with_scale
 
     shown = integral
@@ -151,7 +151,7 @@ def _candidates(
 
 
 def _limits(integral: Integral, least: int, *, stretch: bool) -> tuple[float, float]:
-    """Values that are black and white in a PNG."""
+    """Values that are drawn black and white in a PNG."""
     import numpy as np
 
     if integral.is_byte and not stretch:
@@ -202,7 +202,7 @@ def _bytes(
 
 
 def figure_bytes(path: str, found: Focus) -> bytes:
-    """The curve of agreement as a figure file."""
+    """The bytes of a figure file with the curve of agreement."""
     from aosplan.show.figures.canvas import form_of, rendered
     from aosplan.show.figures.draw import FigureKind
     from aosplan.show.figures.focus_curve import FocusCurve

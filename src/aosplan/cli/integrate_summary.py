@@ -1,4 +1,6 @@
-"""Output of ``aosplan integrate`` about an integral image: document, warnings and table."""
+"""Output of ``aosplan integrate`` about an integral image: the document, the warnings and the
+table.
+"""
 
 from __future__ import annotations
 

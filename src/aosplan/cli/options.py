@@ -1,4 +1,4 @@
-"""Options that commands share, created from the table of a request's options."""
+"""Options that several commands have.  They are created from the table of a request's options."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ COMMON = frozenset(
         "terrain",
     }
 )
-"""Options of a plan that ``--help`` shows; ``--help-all`` shows every option."""
+"""Options of a plan that ``--help`` shows.  ``--help-all`` shows every option."""
 
 ALL = "aosplan.help_all"
 """Key in the context of a command whose help shows every option."""
@@ -89,16 +89,17 @@ def command(
     parameters: list[Any],
     common: frozenset[str] | None = None,
 ) -> PanelCommand:
-    """A command from its function and its parameters.
+    """Create a command from its function and its parameters.
 
     Parameters
     ----------
     name, callback, summary, examples, parameters
-        The command.
+        Properties of the command.
     kind
         Class of the command, if its help differs.
     common
-        Options of a plan that the short help shows; None: all options, without ``--help-all``.
+        Options of a plan that the short help shows.  If it is None, the help shows all options, and
+        there is no ``--help-all``.
     """
     made = kind(
         name,
@@ -135,7 +136,7 @@ def _show_all(ctx: Any, _parameter: Any, value: bool) -> None:  # noqa: FBT001
 
 
 def text_option(flag: str, metavar: str, help_text: str, panel: str = "Options") -> TyperOption:
-    """An option with text, which the project parses itself."""
+    """An option whose value is text.  The text is parsed later, by aosplan and not by click."""
     return TyperOption(
         param_decls=[flag], type=str, metavar=metavar, help=help_text, rich_help_panel=panel
     )
@@ -158,7 +159,7 @@ def file_argument(name: str, help_text: str, *, required: bool = True) -> TyperA
 
 
 def request_options(only: Callable[[Option], bool] = lambda _: True) -> list[TyperOption]:
-    """The options of a plan's request; their value is None if they are not given."""
+    """The options of a plan's request.  If an option is not given, its value is None."""
     return [
         flag_option(option.flag, option.help, option.panel, default=None)
         if option.kind == "flag"

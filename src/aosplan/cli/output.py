@@ -1,4 +1,4 @@
-"""Output that commands share: JSON, warnings, files, and progress bars."""
+"""Output functions that several commands use: JSON, warnings, files, and progress bars."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ def print_warnings(warnings: Iterable[Message], *, quiet: bool = False) -> None:
 def chosen_outputs(
     outputs: Sequence[str], name: str | None, *, force: bool
 ) -> list[tuple[Format, str]]:
-    """Formats and paths of the outputs, checked before any work is done.
+    """Formats and paths of the outputs.  They are checked before any work is done.
 
     Raises
     ------
     RequestError
-        If a format is unknown, a path cannot be written, or two outputs are the same.
+        If a format is unknown, if a path cannot be written, or if two outputs are the same file.
     """
     if name is not None and len(outputs) != 1:
         raise RequestError(
@@ -70,7 +70,7 @@ def chosen_outputs(
 
 
 def check_apart(paths: Sequence[str]) -> None:
-    """Refuse a file that is given twice, even under two names."""
+    """Refuse a file that is given twice, even if its two paths differ."""
     places = [os.path.realpath(path) for path in paths]
     for path, place in zip(paths, places, strict=True):
         if places.count(place) > 1:
@@ -78,12 +78,12 @@ def check_apart(paths: Sequence[str]) -> None:
 
 
 def writes_stdout(paths: Iterable[str | None], *, as_json: bool) -> bool:
-    """Whether one of the outputs is stdout, on which nothing else may be printed then.
+    """Whether one of the outputs is stdout.  In this case, no other text may be printed on stdout.
 
     Raises
     ------
     RequestError
-        If ``--json`` is also given, which prints on stdout.
+        If ``--json`` is also given, because it prints on stdout too.
     """
     found = "-" in paths
     if found and as_json:
@@ -99,14 +99,14 @@ def write_outputs(
     force: bool,
     quiet: bool = False,
 ) -> list[str]:
-    """Write missions, and pages by path, to all outputs or to none; return the written paths.
+    """Write missions and pages to all outputs or to none.  Returns the paths of the written files.
 
-    If an output needs several files, they are numbered, and a hint says so.
+    If an output needs several files, the files are numbered, and a hint is printed.
 
     Raises
     ------
     RequestError
-        If a mission exceeds the limits of a format, or two outputs share a file.
+        If a mission exceeds the limits of a format, or if two outputs have the same file.
     """
     if not chosen and not pages:
         return []
@@ -143,22 +143,22 @@ def write_outputs(
 
 
 def _leftovers(path: str, count: int) -> list[str]:
-    """Hint about numbered files that an earlier, longer mission of the same name has left."""
+    """Hint about numbered files that remain from an earlier, longer mission with the same name."""
     stem, suffix = os.path.splitext(path)
     after = f"{stem}-{count + 1}{suffix}"
     return [f"{after} is not part of this mission" for _ in range(os.path.lexists(after))]
 
 
 PATIENCE_S = 1.0
-"""Time after which the terminal shows what a search tries."""
+"""Time after which the terminal shows the candidates of a search."""
 
 
 READING, PLACING = "reading points", "placing points"
-"""Titles of steps whose end is known."""
+"""Titles of steps whose total amount of work is known."""
 
 
 class Bar:
-    """Progress of a plan on stderr, if it is a terminal: points read, then candidates of a search.
+    """Progress of a plan on stderr: the number of points read, then the candidates of a search.
 
     If stderr is not a terminal, or the plan is fast, nothing is shown and rich is not imported.
     """
@@ -170,7 +170,9 @@ class Bar:
         self._title = ""
 
     def __call__(self, done: int, total: int) -> None:
-        """Show how many points are read, then placed, and the steps between and after that."""
+        """Show the number of points that have been read and then sorted into voxels, and the steps
+        between and after these.
+        """
         if 2 * done < total:
             title = READING
         elif 2 * done == total:
@@ -189,7 +191,7 @@ class Bar:
             self._show(title)
 
     def on_trial(self, problem: Problem, pattern: Sites, baseline_m: float) -> None:
-        """Show the candidate of a search, if the search has taken a while."""
+        """Show the candidate of a search, if the search takes longer than `PATIENCE_S`."""
         if not self._live:
             return
         from time import monotonic
@@ -223,7 +225,9 @@ class Bar:
 
 
 def _progress(*, endless: bool) -> Any:
-    """A progress bar for steps with a known end, otherwise a spinner with the elapsed time."""
+    """A progress bar if the total amount of work is known, otherwise a spinner with the elapsed
+    time.
+    """
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -236,7 +240,7 @@ def _progress(*, endless: bool) -> Any:
 
 @contextlib.contextmanager
 def shown_live(progress: Progress) -> Iterator[Progress]:
-    """Show a progress bar, and restore the screen even after Ctrl-C."""
+    """Context manager that shows a progress bar, and restores the screen even after Ctrl-C."""
     try:
         progress.start()
         yield progress
@@ -245,7 +249,7 @@ def shown_live(progress: Progress) -> Iterator[Progress]:
 
 
 def _stop(progress: Progress) -> None:
-    # a bar that was interrupted while it started cannot be stopped
+    # If a bar was interrupted while it started, stopping it raises IndexError.
     with contextlib.suppress(IndexError):
         progress.stop()
     progress.console.show_cursor()

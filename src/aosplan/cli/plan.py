@@ -1,4 +1,4 @@
-"""``aosplan plan``."""
+"""The command ``aosplan plan``."""
 
 from __future__ import annotations
 
@@ -107,12 +107,14 @@ def run(
 
 
 def _looking(request: str | None, flags: dict[str, Any], defaults: str | None) -> PlanRequest:
-    """A request with a target to search for, which is a person by default."""
+    """A request with a target to find.  By default, the target is a person."""
     if flags.get("find") is None:
         try:
             wanted = request_of(request, flags, defaults=defaults)
         except RequestError:
-            wanted = None  # may only be wrong because there is no target, such as a signature
+            # The request may be wrong only because it has no target: for example, it may have a
+            # signature.
+            wanted = None
         if wanted is not None and wanted.find is not None:
             return wanted
         flags = flags | {"find": PERSON}
@@ -142,7 +144,7 @@ def _check_map(path: str | None, poa: str | None, others: list[str], *, force: b
 
 
 def _report_seed(report: str | None, seed: str | None, *, picture: bool) -> int | None:
-    """The seed of the report's picture; None without a picture."""
+    """Random seed of the report's picture; None without a picture."""
     if report is None:
         unpaired = "--no-report-picture" if not picture else "--report-seed" if seed else ""
         if unpaired:

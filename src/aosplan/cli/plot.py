@@ -1,4 +1,4 @@
-"""``aosplan plot``."""
+"""The command ``aosplan plot``."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def _of_plan(kind: FigureKind, wanted: PlanRequest, folder: str, *, quiet: bool)
 def _of_scene(
     kind: FigureKind, file: str | None, flags: dict[str, Any], *, quiet: bool
 ) -> FigureData:
-    """The numbers of a figure of a scene, which is named or belongs to a request."""
+    """The numbers of a figure of a scene.  The scene is given by name or by a request."""
     from aosplan.planning.loaded_scene import load_scene
     from aosplan.planning.request import request_from
 
@@ -150,7 +150,7 @@ def _of_scene(
         given["scene"] = file
     if not given:
         raise RequestError("no scene is given", "give a point cloud, a scene file or a preset")
-    # A request needs an altitude, which these figures do not use.
+    # A request needs an altitude. These figures do not use it.
     ways = ("altitude", "gsd", "target_size")
     high = any(name in given for name in ways)
     request = request_from(given if high else given | {"altitude": 1.0})
@@ -213,7 +213,7 @@ def _check_unused(flags: dict[str, Any], what: str) -> None:
 
 
 def _is_request(path: str) -> bool:
-    """Whether a file is a request or an earlier result, rather than a scene."""
+    """Whether a file is a request or a saved result, instead of a scene."""
     from aosplan.files import read_table
 
     if not path.lower().endswith((".toml", ".json")):

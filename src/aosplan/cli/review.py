@@ -1,4 +1,4 @@
-"""``aosplan review``."""
+"""The command ``aosplan review``."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from aosplan.postflight.review import Review
 
 MOST_NAMED = 20
-"""Largest number of missing sites that the table names."""
+"""Largest number of missing sites that are listed in the table."""
 
 
 def run(
@@ -90,7 +90,7 @@ def run(
 
 
 MAP_SUFFIXES = (".tif", ".tiff", ".geojson", ".svg")
-"""Extensions of a coverage map: raster, gaps, picture."""
+"""Extensions of a coverage map: for a raster, for gaps, and for a picture."""
 
 
 def _check_maps(paths: list[str], others: list[str], *, area: bool, force: bool) -> None:
@@ -120,7 +120,7 @@ def _check_maps(paths: list[str], others: list[str], *, area: bool, force: bool)
 
 def _map_file(found: Review, path: str) -> bytes:
     """A coverage map in the format of a file's extension."""
-    assert found.coverage is not None  # a plan over an area has a coverage
+    assert found.coverage is not None  # A plan over an area has a coverage.
     ending = os.path.splitext(path)[1].lower()
     if ending == ".geojson":
         return found.coverage.geojson()

@@ -1,4 +1,4 @@
-"""``aosplan scene``."""
+"""The command ``aosplan scene``."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def run(
     first, more = (scene[0], scene[1:]) if scene else (None, [])
     if first is None and not any(flags.values()):
         raise RequestError("no scene is given", "give a point cloud, a scene file or a preset")
-    # A request needs an altitude, on which the statistics do not depend.
+    # A request needs an altitude. The statistics do not depend on it.
     request = request_from({"altitude": 1.0}, overrides={"scene": first, **flags})
     with progress_bar(quiet=quiet) as bar:
         loaded = load_scene(request, progress=bar, also=more)

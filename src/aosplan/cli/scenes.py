@@ -1,4 +1,4 @@
-"""``aosplan scenes``."""
+"""The command ``aosplan scenes``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from aosplan.scenes.presets import SCENES, scenes_by_word
 
 
 def run(*, word: str | None, as_json: bool) -> None:
-    """List the scenes, or those that match a word."""
+    """List the scene presets, or those that match a word."""
     found = SCENES
     if word is not None:
         found = {name: SCENES[name] for name in scenes_by_word(word)}

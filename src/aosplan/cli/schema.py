@@ -1,4 +1,4 @@
-"""``aosplan schema``: JSON Schemas of the documents that are read and printed."""
+"""``aosplan schema``: prints JSON Schemas of the documents that aosplan reads and prints."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def json_schema(name: str) -> dict[str, Any]:
     Raises
     ------
     RequestError
-        If there is no document with this name.
+        If no document has this name.
     """
     from aosplan.cli.field_descriptions import meaning
 

@@ -1,4 +1,4 @@
-"""``aosplan simulate``."""
+"""The command ``aosplan simulate``."""
 
 from __future__ import annotations
 
@@ -82,7 +82,9 @@ def run(
 
 
 def _search(result: Plan, settings: Settings, *, quiet: bool) -> SearchComparison | None:
-    """The simulated search for the target of a plan; None without a target or without occluders."""
+    """The simulated search for the target of a plan; None if there is no target or if there are no
+    occluders.
+    """
     if result.detection is None or result.coverage is None:
         return None
     from aosplan.simulation.compare_search import compare_search
@@ -102,7 +104,8 @@ def _settings(
     from aosplan.simulation.compare import FORESTS, OCCLUDERS, Settings
     from aosplan.simulation.experiments import check_views
 
-    check_views(wanted.samples)  # before they are planned, which takes seconds
+    # This is checked first, because planning many samples takes seconds.
+    check_views(wanted.samples)
 
     given: dict[str, Any] = {"view": wanted.view or "perspective"}
     if forest is not None:
@@ -134,7 +137,7 @@ def _seed(value: str) -> int:
 def _outputs(
     picture: str | None, occlusion_map: str | None, *, force: bool
 ) -> list[tuple[str, str]]:
-    """Names and paths of the pictures, checked before any work is done."""
+    """Names and paths of the pictures.  They are checked before any work is done."""
     outputs = [
         (name, path)
         for name, path in (("picture", picture), ("occlusion_map", occlusion_map))
@@ -155,7 +158,9 @@ def _outputs(
 
 
 def _draw(simulation: Simulation, outputs: list[tuple[str, str]], *, force: bool) -> dict[str, Any]:
-    """Write the pictures; return their similarity to the infinite limit, for the document."""
+    """Write the pictures.  Returns their similarity to the image of infinitely many views, for the
+    document.
+    """
     from aosplan.files import write_all
     from aosplan.simulation.compare import pictures
 

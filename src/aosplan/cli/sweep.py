@@ -1,4 +1,4 @@
-"""``aosplan sweep``."""
+"""The command ``aosplan sweep``."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def _check_out(out: str, best: str | None, *, resume: bool, force: bool) -> None
 
 @contextlib.contextmanager
 def _kept() -> Iterator[None]:
-    """Context manager that reports where the results are if the work is interrupted."""
+    """Context manager that prints the place of the results if the work is interrupted."""
     try:
         yield
     except KeyboardInterrupt:
@@ -212,7 +212,7 @@ def _draw(
 
 @contextlib.contextmanager
 def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[int], None] | None]:
-    """A progress bar with rate and remaining time on stderr, if it is a terminal."""
+    """A progress bar with rate and remaining time on stderr, if stderr is a terminal."""
     if quiet or not sys.stderr.isatty():
         yield None
         return
@@ -348,7 +348,7 @@ COMMAND = command(
 def verify_options(
     simulate: str | None, seed: str | None, precision: str | None
 ) -> VerifyOptions | None:
-    """Settings of ``--simulate`` and its options; None without ``--simulate``."""
+    """The settings that ``--simulate`` and its options give; None without ``--simulate``."""
     if simulate is None:
         for option, value in (("--seed", seed), ("--precision", precision)):
             if value is not None:
@@ -394,7 +394,7 @@ def _verified(
     """Simulate the drawn rows."""
     from aosplan.sweeps.verify import verify
 
-    assert sweep.gather is not None  # drawn rows are part of what is gathered
+    assert sweep.gather is not None  # If rows are drawn, `gather` is set.
     assert sweep.gather.drawing is not None
     with waiting_bar("simulating", quiet=quiet) as progress:
         return verify(
@@ -419,7 +419,7 @@ def verify_and_print(
     """Simulate the drawn rows, and print the summary as a document or as tables."""
     from aosplan.sweeps.summary import summary_document
 
-    assert sweep.gather is not None  # the caller has gathered a summary
+    assert sweep.gather is not None  # The caller has computed a summary, so that `gather` is set.
     verification = None
     if simulated is not None:
         try:

@@ -1,4 +1,4 @@
-"""``aosplan thin``."""
+"""The command ``aosplan thin``."""
 
 from __future__ import annotations
 

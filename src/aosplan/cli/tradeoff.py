@@ -1,4 +1,4 @@
-"""``aosplan tradeoff``."""
+"""The command ``aosplan tradeoff``."""
 
 from __future__ import annotations
 
@@ -76,7 +76,9 @@ def _cell(value: Any) -> str:
 
 
 def _show(rows: Sequence[dict[str, Any]], out: str | None) -> None:
-    """Print the front and the chosen row as a table; if nothing meets the target, all rows."""
+    """Print the Pareto front and the chosen row as a table.  If no row meets the target, all rows
+    are printed.
+    """
     from aosplan.show.text.tables import one_line, print_rows, show
 
     shown = [row for row in rows if row["front"] or row["chosen"]] or rows

@@ -1,9 +1,10 @@
-"""The coverage of a flight over an area: what photos have shown at each place, and the gaps.
+"""The coverage of a flight over an area: the photos that see each place, and the gaps.
 
-If the plan searches for a target, it has a probability of detection.  A place is then a gap if the
-probability of the flown photos is lower by more than `SHORT`.  For other plans, each place below
-canopy needs N sites in the rectangle around it (`aosplan.areas.coverage`), and clear ground needs
-one photo.  A place is then a gap if it has fewer than that, and fewer than were planned.
+A plan with a target has a probability of detection at each place.  A place is then a gap if the
+probability with the flown photos is lower than the planned probability by more than `SHORT`.  For
+other plans, each place below canopy needs N sites in the rectangle around it
+(`aosplan.areas.coverage`), and clear ground needs one photo.  A place is then a gap if it has fewer
+sites or photos than needed, and fewer than planned.
 """
 
 from __future__ import annotations
@@ -27,16 +28,22 @@ if TYPE_CHECKING:
     Whole = NDArray[np.int64]
 
 SHORT = 0.05
-"""Difference to the planned probability of detection above which a place is a gap."""
+"""If the probability of detection at a place is lower than planned by more than this, the place is
+a gap.
+"""
 
 AROUND = 3
-"""Side, in cells, of the square over which this difference is averaged first."""
+"""Side, in cells, of the square over which probabilities are averaged before gaps are found."""
 
 SHARES = (0.5, 0.7, 0.8, 0.9, 0.95)
-"""Shares of the planned photos that are tried for closing the gaps, until one is enough."""
+"""Shares of the planned photos.  To close the gaps, they are tried in this order until one is
+enough.
+"""
 
 NEAR = 0.01
-"""Loss of mean detection in the gaps that is acceptable if fewer than all missing sites are flown."""
+"""Largest loss of mean detection in the gaps, compared with a flight to all missing sites, that is
+accepted.
+"""
 
 
 class CoverageMap(NamedTuple):
@@ -53,7 +60,7 @@ class CoverageMap(NamedTuple):
     gaps
         Mask of the cells that are gaps.
     planned_detection, flown_detection
-        Probability of detection in each cell; None for a plan without a target to search for.
+        Probability of detection in each cell; None for a plan without a target to find.
     """
 
     cells: GroundCells
@@ -108,7 +115,8 @@ class CoverageMap(NamedTuple):
         west = self.cells.left_m + columns * self.cells.cell_m
         north = self.cells.top_m - rows * self.cells.cell_m
         side = self.cells.cell_m
-        with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves floating-point flags
+        # GEOS leaves floating-point flags set, for which NumPy would print warnings.
+        with np.errstate(divide="ignore", invalid="ignore"):
             whole = shapely.union_all(shapely.box(west, north - side, west + side, north))
         parts = [part for part in shapely.get_parts(whole).tolist() if part.area > 0.0]
         return sorted(parts, key=lambda part: -part.area)
@@ -150,7 +158,7 @@ class Coverage:
     """
 
     def __init__(self, plan: PlanData) -> None:
-        assert plan.origin is not None  # reviews of plans without a location have no map
+        assert plan.origin is not None  # Reviews of plans without a location do not have a map.
         self._plan, self._origin = plan, plan.origin
         self.cells, _ = ground_of(plan)
         self._places = self.cells.middles_m
@@ -163,7 +171,8 @@ class Coverage:
         if area is not None and not area.clear.is_empty:
             import shapely
 
-            with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves floating-point flags
+            # GEOS leaves floating-point flags set, for which NumPy would print warnings.
+            with np.errstate(divide="ignore", invalid="ignore"):
                 self._clear = shapely.contains_xy(area.clear, *self._places.T)
         self._planned_sets = self._sets(self._sites)
         self._predict = self._depth = None
@@ -181,8 +190,8 @@ class Coverage:
         points_m
             Positions of the photos, metres east and north, shape (N, 2).
         counted_m
-            Positions for counting: those of the sites for photos that belong to a site, else the
-            same.
+            Positions that are used to count sites.  For a photo that belongs to a site, it is the
+            position of the site; for other photos, it is that of the photo.
         """
         sets = self._sets(points_m)
         detection = self._detection(points_m) if self._predict is not None else None
@@ -201,10 +210,11 @@ class Coverage:
         )
 
     def closing(self, points_m: Floats, counted_m: Floats, missing_m: Floats) -> NDArray[np.intp]:
-        """A small set of missing sites that closes the gaps as well as all of them; increasing
-        indices.
+        """Indices of a small set of missing sites that closes the gaps as well as all missing sites
+        do.
 
-        Sites are chosen greedily: the next one is the site that helps the most places.
+        The indices are in increasing order.  Sites are chosen greedily: the next site is that which
+        helps the largest number of places.
         """
         found = self.of(points_m, counted_m)
         gaps = np.flatnonzero(found.gaps)
@@ -218,7 +228,9 @@ class Coverage:
         rows = list(map(self._sets(missing_m).of, gaps.tolist()))
 
         def detected(more_m: Floats) -> float:
-            """Mean probability of detection in the gaps with additional photos."""
+            """Mean probability of detection in the gaps with additional photos at given
+            positions.
+            """
             points = np.vstack([points_m, more_m])
             return float(self._detection(points, gaps).mean())
 
@@ -231,7 +243,7 @@ class Coverage:
         return np.arange(len(missing_m))
 
     def gains(self, found: CoverageMap, missing_m: Floats) -> Whole:
-        """Number of cells with gaps that a photo at each of some sites helps to close."""
+        """For each site, the number of cells in gaps that a photo at this site helps to close."""
         size_m = self._window_m if self._predict is None else self._plan.inputs.footprint_m
         gaps = self._places[found.gaps]
         sets = photo_sets(gaps, missing_m, size_m, self._plan.heading_deg)
@@ -240,15 +252,17 @@ class Coverage:
 
     @property
     def _needed(self) -> Whole:
-        """Number of photos that each place needs: as many as planned, but at most those of the
-        rule.
+        """Number of photos that each place needs.  It is the planned number, but at most the number
+        that the coverage rule requires.
         """
         most = np.where(self._clear, 1, self._plan.solution.pattern.samples)
         needed: Whole = np.minimum(self._counts(self._sites), most)
         return needed
 
     def _counts(self, points_m: Floats) -> Whole:
-        """Sites in the rectangle around each place; for clear ground, photos that see the place."""
+        """Number of sites in the rectangle around each place.  For clear ground, it is the number
+        of photos that see the place.
+        """
         wide = self._sets_by(points_m, self._window_m).looks
         return np.where(self._clear, self._sets(points_m).looks, wide)
 
@@ -259,7 +273,9 @@ class Coverage:
         return photo_sets(self._places, points_m, size_m, self._plan.heading_deg)
 
     def _around(self, values: Floats) -> Floats:
-        """Means over the neighbouring cells of the ground, so that noise does not look like gaps."""
+        """Means over the neighbouring cells of the ground, so that noise does not appear as
+        gaps.
+        """
         from scipy.ndimage import uniform_filter
 
         shape, inside = self.cells.inside.shape, self.cells.inside.astype(np.float64)
@@ -278,7 +294,8 @@ class Coverage:
 
 
 def covering(rows: list[Whole], wanted: Whole, sites: int) -> NDArray[np.intp]:
-    """A small set of sites so that each place is seen by as many as it needs, if possible.
+    """A small set of sites with which each place is seen from the number of sites that it needs, if
+    possible.
 
     Parameters
     ----------

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 KNOWN_SHARE = 0.99
-"""Share of places with known canopy below which a warning says what is assumed for the others."""
+"""If the canopy is known for a smaller share of the places, a warning describes the assumption for
+the other places.
+"""
 
 
 class SearchSuccess(NamedTuple):
@@ -34,7 +36,7 @@ class SearchSuccess(NamedTuple):
     area
         Probability that the target is on the ground of the map (POA).
     success
-        Probability that it is there and is found (POS).
+        Probability that the target is on this ground and is found (POS).
     """
 
     area: float
@@ -47,7 +49,7 @@ class DetectionMap(NamedTuple):
     Attributes
     ----------
     cells
-        The cells of the ground: the area, or everything that a photo shows.
+        The cells of the ground: the area, or all ground that at least one photo shows.
     ground
         ``area`` or ``footprints``.
     origin
@@ -59,8 +61,8 @@ class DetectionMap(NamedTuple):
     canopy
         The canopy above each cell; None for a scene without a location.
     sweep_width_m
-        Sweep width W of a line without end: the integral of the probability over the distance
-        from the line; None for other grids.
+        Sweep width W of a continuous line: the integral of the probability over the distance from
+        the line; None for other grids.
     """
 
     cells: GroundCells
@@ -73,11 +75,15 @@ class DetectionMap(NamedTuple):
 
     @property
     def mean(self) -> float:
-        """Mean probability of detection: that of a target with a random position on the ground."""
+        """Mean probability of detection.  It is the probability for a target at a random place of
+        the ground.
+        """
         return float(self.probability[self.cells.inside_rows].mean())
 
     def document(self, success: SearchSuccess | None = None) -> dict[str, Any]:
-        """The map as plain values, ``detection.map`` in a plan's JSON document; `success` is added."""
+        """The map as plain values, ``detection.map`` in a plan's JSON document.  The values of
+        `success` are added.
+        """
         looks = self.looks[self.cells.inside_rows]
         return {
             "probability": self.mean,
@@ -112,7 +118,7 @@ class DetectionMap(NamedTuple):
         return self.cells.geotiff(bands, names, self.origin)
 
     def messages(self) -> Iterator[Message]:
-        """Yield warnings for the user of the map."""
+        """Yield warnings about the map."""
         if self.canopy is not None and self.canopy.known_share < KNOWN_SHARE:
             yield Message(
                 "canopy_unknown",
@@ -156,7 +162,9 @@ def canopy_over(plan: PlanData, cells: GroundCells) -> LocalCanopy | None:
 
 
 def relative_depth(canopy: LocalCanopy | None) -> Floats | None:
-    """Optical depth of the canopy above places divided by that of the stand; 1 if it is unknown."""
+    """Optical depth of the canopy above places, divided by that of the whole stand; 1 if it is not
+    known.
+    """
     if canopy is None or canopy.mean_depth == 0.0:
         return None
     return np.nan_to_num(canopy.depth / canopy.mean_depth, nan=1.0)
@@ -168,12 +176,12 @@ def detection_map(plan: PlanData) -> DetectionMap:
     Parameters
     ----------
     plan
-        A plan with a location and a target to search for.
+        A plan with a location and a target to find.
 
     Raises
     ------
     RequestError
-        If it has no location or no target.
+        If the plan has no location or no target.
     """
     if plan.detection is None:
         raise RequestError("a detection map needs a target", "give --find person")
@@ -199,7 +207,8 @@ def _sweep_width_m(
 ) -> float | None:
     """The integral of the probability over the distance from a line.
 
-    It is averaged along the middle part of the line.  Near the ends, fewer photos see the ground.
+    The integral is averaged along the middle part of the line, because fewer photos see the ground
+    near the ends.
     """
     half = 0.5 * plan.inputs.footprint_m[0]
     along = along_and_across(points_m, plan.heading_deg)[:, 0]

@@ -1,4 +1,4 @@
-"""GeoTIFFs of float32 bands."""
+"""Writing of GeoTIFFs with float32 bands."""
 
 from __future__ import annotations
 

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 MOST_CELLS = 20_000
-"""Approximate largest number of cells of a map; more would not be visible."""
+"""Approximate largest number of cells of a map.  More cells would not be visible."""
 
 SIDES_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
 """Allowed sides of a cell."""
 
 
 class GroundCells(NamedTuple):
-    """Cells of a raster; `inside` selects those that belong to the ground of interest.
+    """Cells of a raster.  `inside` selects the cells that belong to the ground of interest.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class GroundCells(NamedTuple):
 
 
 def side_m(area_m2: float, narrowest_m: float) -> float:
-    """Side of the cells for an area; its narrow side is at least a few cells wide."""
+    """Side of the cells for an area.  The narrow side of the area is at least a few cells wide."""
     wanted = max(math.sqrt(area_m2 / MOST_CELLS), SIDES_M[0])
     fitting = [side for side in SIDES_M if side >= wanted * (1.0 - 1e-9)]
     side = fitting[0] if fitting else wanted
@@ -105,7 +105,7 @@ def cells_over(shape: Any, cell_m: float) -> GroundCells:
 
 
 def footprints(points_m: Floats, footprint_m: tuple[float, float], heading_deg: float) -> Any:
-    """The ground that photos show, as a shapely geometry: the union of their footprints.
+    """The ground that photos show: the union of their footprints, as a shapely geometry.
 
     Parameters
     ----------

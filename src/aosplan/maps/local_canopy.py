@@ -1,10 +1,10 @@
 """Density of the canopy above each place, for a stand with a known location.
 
-A place is seen through the canopy around it.  If the footprint of photos is F wide and their
-altitude is h, rays to the place pass height H within a square of side F H/h.  The hidden share of
-the ground, as seen from vertically above, is therefore averaged over this square, where H is the
-mean height at which rays end.  Rows and columns of the stand are assumed to be along east and
-north.
+A place is seen through the canopy around it.  If photos with a footprint of width F are taken from
+the altitude h, the rays to a place cross the height H within a square of side F H/h.  The share of
+the ground that is hidden from vertically above is therefore averaged over this square.  For H, the
+mean height at which rays end is used.  Rows and columns of the stand are assumed to be along east
+and north.
 """
 
 from __future__ import annotations
@@ -23,10 +23,14 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 NARROWEST_M = 4.0
-"""Smallest side of the square over which the canopy is averaged, that of the detector's box."""
+"""Smallest side of the square over which the canopy is averaged.  It is the side of the detector's
+box.
+"""
 
 DEEPEST = 6.0
-"""Largest optical depth; denser canopy, through which less than 1/400 is visible, is treated alike."""
+"""Largest optical depth.  Denser canopy, through which less than 1/400 of the ground is visible, is
+treated as having this depth.
+"""
 
 
 class LocalCanopy(NamedTuple):
@@ -73,7 +77,8 @@ def local_canopy(
     origin
         Latitude and longitude of the origin.
     altitude_m, focal_height_m
-        Altitude of the cameras above the focal plane, and its height above the ground.
+        Altitude of the cameras above the focal plane, and height of the focal plane above the
+        ground.
     footprint_m
         Longer side of a photo on the ground.
     """

@@ -1,4 +1,4 @@
-"""The photos that see each place on the ground, which is in their footprints."""
+"""The photos that see each place on the ground: those whose footprints contain the place."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     Whole = NDArray[np.int64]
 
 BORDER_M = 1e-6
-"""Tolerance by which a place on the border of a footprint is counted as inside."""
+"""Tolerance with which a place on the border of a footprint is treated as inside."""
 
 
 class PhotoSets(NamedTuple):
@@ -62,7 +62,7 @@ def photo_sets(
     footprint_m
         Size of a photo on the ground, along the heading and across it.
     heading_deg
-        Clockwise from north; the photos' upper side.
+        Direction of the photos' upper side, clockwise from north.
     """
     places = along_and_across(places_m, heading_deg)
     points = along_and_across(points_m, heading_deg)

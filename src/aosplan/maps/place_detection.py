@@ -1,13 +1,16 @@
-"""Probability that a target at a place is found, from the photos that see it and the canopy there.
+"""Probability that a target at a place is found, for the photos that see the place and the canopy
+above it.
 
-Detection through independent slices depends on the positions of the photos relative to each other
-and on the slices (`aosplan.models.detection`).  Places are grouped by the number, the spread along
-both axes and the mean distance of their photos.  All places of a group share the prediction for its
-central place.  The local canopy multiplies the optical depth of every slice.  Probabilities are
-computed for the depths in `DEPTHS` and interpolated between them.
+Detection through independent slices depends on the relative positions of the photos and on the
+slices (`aosplan.models.detection`).  Places are grouped by the number, the spread along both axes
+and the mean distance of their photos.  All places of a group get the prediction for the central
+place of the group.  The optical depth of every slice is multiplied by the relative depth of the
+local canopy.  Probabilities are computed for the relative depths in `DEPTHS` and interpolated
+between them.
 
-Counting in voxels takes seconds for one set of photos over a whole stand.  The contrast for the
-slices is therefore scaled once, so that the prediction for the planned grid equals the counted one.
+Counting in the voxels of a whole stand takes seconds for one set of photos.  The slices are
+therefore used instead.  Their contrast is scaled once, so that the prediction for the planned grid
+equals the probability that was counted in voxels.
 """
 
 from __future__ import annotations
@@ -33,30 +36,36 @@ if TYPE_CHECKING:
     Whole = NDArray[np.int64]
 
 STEP = 0.05
-"""Relative difference of numbers and spreads of photos below which places are grouped."""
+"""Places are grouped if the relative differences of the numbers and spreads of their photos are
+smaller than this.
+"""
 
 MOST_PREDICTIONS = 500
-"""Largest number of predictions for a map; if there are more groups, the tolerance is increased."""
+"""Largest number of predictions for a map.  If there are more groups, `STEP` is increased."""
 
 DEPTHS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)
-"""Optical depths, relative to the scene's, at which detection is predicted."""
+"""Optical depths at which detection is predicted, divided by the optical depth of the scene."""
 
 SPREAD_M = 0.5
-"""Length that is added to spreads before they are compared, because small ones do not matter."""
+"""Length that is added to spreads before they are compared.  It makes differences between small
+spreads unimportant.
+"""
 
 BISECTIONS = 24
 
 LATTICE_STEPS = 4
-"""Largest number of different steps along an axis of a lattice, including rounding and gaps."""
+"""Largest number of different steps between neighbouring coordinates of a lattice.  There may be
+several because of rounding and gaps.
+"""
 
 
 class PlaceDetection:
-    """Probability of detection at places, for a plan that searches for a target.
+    """Probability of detection at places, for a plan with a target to find.
 
     Parameters
     ----------
     plan
-        The plan, with its detection.
+        A plan with a predicted detection.
     """
 
     def __init__(self, plan: PlanData) -> None:
@@ -88,7 +97,8 @@ class PlaceDetection:
         points_m
             Positions of the photos, metres east and north, shape (N, 2).
         depth
-            Optical depth of the canopy above each place divided by that of the scene; default 1.
+            Optical depth of the canopy above each place, divided by that of the scene.  The default
+            is 1.
         """
         points, places = self._in_axes(points_m), self._in_axes(places_m)
         self._is_lattice = is_lattice(points)
@@ -116,7 +126,7 @@ class PlaceDetection:
         return found
 
     def _features(self, sets: PhotoSets, places: Floats, points: Floats) -> Floats:
-        """Features that determine detection at each place: number, spread and mean distance of
+        """Features of each place that determine detection: number, spread and mean distance of its
         photos.
         """
         looks = sets.looks
@@ -132,7 +142,9 @@ class PlaceDetection:
         return np.column_stack(found)
 
     def _at(self, depth: float, points_m: Floats) -> float:
-        """Probability of detection by photos, for canopy of a relative optical depth."""
+        """Probability of detection with photos, for a canopy with a given relative optical
+        depth.
+        """
         return self._model(depth).predict_positions(points_m).probability
 
     def _model(self, depth: float) -> DetectionModel:
@@ -149,14 +161,14 @@ class PlaceDetection:
         return model if self._is_lattice else model.for_search()
 
     def _in_axes(self, points_m: Floats) -> Floats:
-        """Photos in the axes of the occluders."""
+        """Positions of photos along the axes of the occluders."""
         problem = self._plan.problem
         if problem is not None and problem.model.heading_deg is not None:
             return points_m
         return along_and_across(points_m, self._plan.heading_deg)
 
     def _counted_contrast(self) -> float:
-        """The contrast for which the slices predict the probability that was counted in voxels."""
+        """The contrast with which the slices predict the probability that was counted in voxels."""
         plan, model = self._plan, self._model(1.0)
         assert plan.detection is not None
         signature = self._signature
@@ -173,7 +185,7 @@ class PlaceDetection:
 
 
 def _kinds(columns: Floats, lower: Whole) -> Whole:
-    """Group number of each place; places with the same number share a prediction."""
+    """Group number of each place.  Places with the same number get the same prediction."""
     step = STEP
     while True:
         keys = np.column_stack([np.round(columns / step).astype(np.int64), lower])
@@ -194,7 +206,9 @@ def _middle_members(kind: Whole, columns: Floats) -> Whole:
 
 
 def is_lattice(points_m: Floats) -> bool:
-    """Whether photos are on a lattice along the axes, so that there are few different offsets."""
+    """Whether photos are on a lattice along the axes.  In this case, there are few different
+    offsets.
+    """
     for values in points_m.T:
         steps = np.diff(np.unique(np.round(values, 3)))
         if len(np.unique(np.round(steps, 2))) > LATTICE_STEPS:

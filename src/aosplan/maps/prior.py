@@ -1,6 +1,6 @@
-"""Prior of the target's position: a raster of probabilities, as search teams draw it.
+"""Prior of the target's position: a raster of probabilities, as used by search teams.
 
-The values of the raster are relative: they are divided by their sum.
+Only the ratios of the raster's values matter, because they are divided by their sum.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ def success_of(found: DetectionMap, path: str) -> SearchSuccess:
     Raises
     ------
     RequestError
-        If the raster cannot be read, has no location, or has values that are not a prior.
+        If the raster cannot be read, if it has no location, or if its values cannot be
+        probabilities.
     MissingExtraError
         If rasterio is not installed.
     """
@@ -67,7 +68,8 @@ def success_of(found: DetectionMap, path: str) -> SearchSuccess:
     rows, columns = values.shape
     known = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     column, row = column[known].astype(np.int64), row[known].astype(np.int64)
-    # The share of a pixel's area that one cell has.
+    # Each cell gets the share of a pixel's probability that corresponds to its share of the pixel's
+    # area.
     back = transformer(crs, local_crs(*found.origin))
     part = found.cells.cell_m**2 / _areas(transform, back, column, row)
     share = np.zeros(len(east))

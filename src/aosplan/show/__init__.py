@@ -1,1 +1,1 @@
-"""What people look at: figures, the report page, and text on a terminal."""
+"""Presentation of results: figures, the report page, and text on a terminal."""

@@ -1,4 +1,6 @@
-"""Summary and sample of a sweep, added up part by part and kept in a file while it is interrupted."""
+"""Summary and sample of a sweep.  They are added up part by part, and stored in a file if the sweep
+is interrupted.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,8 @@ EVERY_S = 5.0
 class Aggregation:
     """The summary and sample of the parts so far, and the file that stores them.
 
-    The file is written at most every `EVERY_S` seconds, and at an interruption.  It replaces the
-    old file only when it is complete.
+    The file is written at most every `EVERY_S` seconds, and also at an interruption.  A new file
+    replaces the old file only when it is complete.
     """
 
     def __init__(
@@ -45,7 +47,7 @@ class Aggregation:
         Raises
         ------
         RequestError
-            If the run is not to be resumed, or the file belongs to another sweep.
+            If the file exists and the run is not resumed, or if the file belongs to another sweep.
         """
         if not os.path.lexists(self.path):
             return
@@ -65,24 +67,24 @@ class Aggregation:
                 self.gathered = Aggregates.of_state(found["gathered"])
                 return
         except (OSError, ValueError, TypeError, LookupError):
-            pass  # the file was not written by a sweep
+            pass  # No sweep has written this file.
         raise RequestError(
             f"'{self.path}' contains the results of another sweep",
             "give the same file, options and version, or --force to start again",
         )
 
     def add(self, part: Part) -> None:
-        """Add the result of a part, unless it was added before."""
+        """Add the result of a part, unless it has been added before."""
         if part.part in self.done:
             return
-        assert part.gathered is not None  # a sweep with `gather` sets it
+        assert part.gathered is not None  # A sweep with `gather` sets this attribute.
         self.done.add(part.part)
         self.gathered = self.gather.joined(self.gathered, part.gathered)
         if time.monotonic() - self._written_s >= EVERY_S:
             self.write()
 
     def write(self) -> bool:
-        """Write the file; return whether that was possible."""
+        """Write the file.  Returns whether this was possible."""
         self._written_s = time.monotonic()
         state = {
             "fingerprint": self.fingerprint,
@@ -107,9 +109,9 @@ def start_aggregation(sweep: Sweep, path: str, *, resume: bool, force: bool) -> 
     Raises
     ------
     RequestError
-        As `Gathering.start` does.
+        In the same cases as `Aggregation.start`.
     """
-    assert sweep.gather is not None  # the caller checked it
+    assert sweep.gather is not None  # The caller has checked it.
     gathering = Aggregation(sweep.gather, sweep.results, path, sweep.fingerprint())
     gathering.start(resume=resume, force=force)
     return gathering
@@ -117,7 +119,7 @@ def start_aggregation(sweep: Sweep, path: str, *, resume: bool, force: bool) -> 
 
 @contextlib.contextmanager
 def kept(gathering: Aggregation | None) -> Iterator[None]:
-    """Write the file if the block of the context manager does not complete."""
+    """Context manager that writes the file if its block does not complete."""
     try:
         yield
     except BaseException:

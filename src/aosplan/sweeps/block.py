@@ -14,9 +14,10 @@ if TYPE_CHECKING:
 
 
 class Block(NamedTuple):
-    """Scenarios `start` to `start + rows` - 1: columns by option, which broadcast to `shape`.
+    """Scenarios `start` to `start + rows` - 1, as columns by option.  The columns broadcast to
+    `shape`.
 
-    `kinds` has, for each column of objects, the types of its values in any block, without None.
+    For each column of objects, `kinds` has the types of its values in all blocks, except None.
     """
 
     start: int

@@ -1,11 +1,11 @@
-"""Parts of a sweep solved by the workers of a Dask cluster.
+"""Solution of the parts of a sweep by the workers of a Dask cluster.
 
-A task contains the scenarios of one block and writes one part into a folder that the workers and
+A task contains the scenarios of one block.  It writes one part into a folder that the workers and
 this machine share.  The file gets its final name only when it is complete.  If the cluster runs a
 task twice, the same bytes are written twice.  Only a few tasks per thread are submitted at a time.
 
-Anything that would change a byte or would never end stops the run with one error: different
-versions, files that a worker does not see, no workers, a scheduler that does not respond.
+The run stops with an error if the result could differ, or if it would never end: different
+versions, files that a worker does not see, no workers, or a scheduler that does not respond.
 """
 
 from __future__ import annotations
@@ -47,25 +47,25 @@ CONNECT_S = 10.0
 """Time limit for the first answer of a scheduler."""
 
 ANSWER_S = 60.0
-"""Time limit for later answers of a scheduler, which may be busy."""
+"""Time limit for later answers of a scheduler.  It is longer, because the scheduler may be busy."""
 
 FETCH_S = 1.0
 """Time to wait for a finished task before the cluster is checked again."""
 
 NO_WORKERS_S = 60.0
-"""Time that a sweep continues without a worker."""
+"""Time for which a sweep waits if there is no worker."""
 
 TASKS_A_THREAD = 3
-"""Tasks per thread of the cluster: one is running, the others are waiting."""
+"""Number of tasks per thread of the cluster.  One task is running, and the others are waiting."""
 
 PACKAGES = ("aosplan", "numpy", "polars", "scipy")
-"""Packages whose versions the bytes of a part depend on."""
+"""Packages on whose versions the bytes of a part depend."""
 
 RESUME = "finished parts are kept; --resume continues the sweep"
 
 
 class PartTask(NamedTuple):
-    """A task for a worker: one block, and where its part is written.
+    """A task for a worker: one block, and the path of its part.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class PartTask(NamedTuple):
     part, path
         Index and file name of the part.
     folder
-        Folder of the incomplete part.  It is new for each run, so that tasks of an earlier run
+        Folder of the incomplete part.  Each run has a new folder, so that tasks of an earlier run
         cannot write to it.
     files
         Files of the scenarios, with their sizes.
@@ -88,21 +88,21 @@ class PartTask(NamedTuple):
 
 
 def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> Generator[Part]:
-    """Have parts written by a cluster, and yield them as they are completed.
+    """Let a cluster write parts, and yield the parts as they are completed.
 
     Parameters
     ----------
     address
         Address of the scheduler.
     sweep, parts
-        The sweep, and its parts in a folder that the workers see under the same name.
+        The sweep, and its parts.  The folder of the parts has the same path on all workers.
     left
         Indices of the parts to write.
 
     Raises
     ------
     RequestError
-        If the address is not valid, or a file of the scenarios cannot be found by its full name.
+        If the address is not valid, or if a file of the scenarios cannot be found by its full path.
     SurroundingsError
         If the cluster cannot continue: no scheduler, no workers, different versions, no shared
         folder, or a worker that cannot write.
@@ -138,12 +138,12 @@ def single_block(scenarios: ScenarioProduct | ScenarioTable, index: int) -> Sing
 
 
 def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:
-    """Files that the scenarios use, with their sizes, so that workers can check them.
+    """Files that the scenarios use, with their sizes.  Workers check these sizes.
 
     Raises
     ------
     RequestError
-        If a file is only found in the current folder, which workers do not share.
+        If a file is found only in the current folder, because workers do not share this folder.
     """
     files: set[str] = set()
     for named in named_files(sweep.scenarios.values, sweep.folder):
@@ -166,7 +166,8 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
     Raises
     ------
     SurroundingsError
-        If this worker cannot write it, or has other versions than this machine.
+        If this worker cannot write the part, or if its versions differ from those of the sending
+        machine.
     """
     if (here := own_versions()) != versions:
         raise SurroundingsError(_difference(_place(), here, versions), _SAME_VERSIONS)
@@ -191,8 +192,8 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
 
 @lru_cache(maxsize=16)
 def _begin(_folder: str, files: tuple[tuple[str, int], ...]) -> None:
-    """Check the files and clear what was read before, once for each run, because they may have
-    changed.
+    """Check the files and clear stored content, because files may have changed.  This is done once
+    for each run.
     """
     forget_files()
     for file, size in files:
@@ -212,7 +213,7 @@ def _place() -> str:
 
 
 def own_versions() -> dict[str, str]:
-    """Versions that the bytes of a part depend on."""
+    """Versions on which the bytes of a part depend."""
     return {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}}
 
 
@@ -235,7 +236,7 @@ def dask() -> Any:
     Raises
     ------
     MissingExtraError
-        If it is not installed.
+        If distributed is not installed.
     """
     with needs_extra("a sweep on a cluster", "cluster"):
         import distributed
@@ -244,7 +245,9 @@ def dask() -> Any:
 
 @contextlib.contextmanager
 def _connected(address: str) -> Iterator[Any]:
-    """A client of a scheduler; messages of the library are suppressed and replaced by one error."""
+    """A client of a scheduler.  Messages of the library are suppressed and replaced by one
+    error.
+    """
     if not ADDRESS.fullmatch(address):
         raise RequestError(
             f"--scheduler '{address}' is not an address", "such as 10.0.0.5:8786 or tcp://head:8786"
@@ -255,10 +258,11 @@ def _connected(address: str) -> Iterator[Any]:
     given = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
-        # A client that failed prints another error when it is deleted, so the scheduler is tested
-        # first.
+        # A client that cannot connect prints another error when it is deleted. The scheduler is
+        # therefore tested first.
         asyncio.run(_ask(address))
-        # Large blocks of a table would cause warnings, and different versions are an error anyway.
+        # Warnings are suppressed: large blocks of a table would cause some, and different versions
+        # cause an error anyway.
         with (
             config.set({"distributed.admin.large-graph-warning-threshold": "1GiB"}),
             warnings.catch_warnings(action="ignore"),
@@ -274,7 +278,7 @@ def _connected(address: str) -> Iterator[Any]:
 
 
 async def _ask(address: str) -> None:
-    """Refuse an address that does not answer as a scheduler."""
+    """Refuse an address at which no scheduler answers."""
     library = dask()
     arguments = library.Security().get_connection_args("client")
     try:
@@ -294,7 +298,7 @@ async def _ask(address: str) -> None:
 
 
 def check_versions(client: Any) -> None:
-    """Refuse a cluster whose workers would write other bytes, or none."""
+    """Refuse a cluster whose workers would write different bytes or cannot write."""
     here = own_versions()
     found = client.get_versions(packages=list(PACKAGES))
     places = {"the scheduler": found["scheduler"]}
@@ -307,7 +311,7 @@ def check_versions(client: Any) -> None:
 
 
 def _written(client: Any, tasks: Iterator[PartTask], count: int) -> Iterator[Part]:
-    """Yield `count` parts as they are written; a few tasks per thread are submitted at a time."""
+    """Yield `count` parts as they are written.  A few tasks per thread are submitted at a time."""
     versions = own_versions()
     run = uuid.uuid4().hex
     running: dict[Any, int] = {}
@@ -337,12 +341,12 @@ def _written(client: Any, tasks: Iterator[PartTask], count: int) -> Iterator[Par
             yield part
             count -= 1
     finally:
-        with contextlib.suppress(Exception):  # the scheduler may be gone
+        with contextlib.suppress(Exception):  # The scheduler may no longer exist.
             client.cancel(list(running), force=True)
 
 
 class _Crew:
-    """The threads of a cluster, counted at most once per second."""
+    """The number of threads of a cluster, which is updated at most once per second."""
 
     def __init__(self, client: Any) -> None:
         self.client = client
@@ -356,7 +360,7 @@ class _Crew:
         Raises
         ------
         SurroundingsError
-            If the scheduler is gone, or there has been no worker for too long.
+            If the scheduler no longer exists, or if there has been no worker for too long.
         """
         now_s = time.monotonic()
         if now_s < self.counted_s + 1.0:
@@ -381,14 +385,16 @@ def _lost() -> SurroundingsError:
 
 
 def result_of(future: Any, index: int) -> Part | None:
-    """The part of a finished task; None if it is not available yet, because the task is run again."""
+    """The part of a finished task; None if the part is not available, because the cluster runs the
+    task again.
+    """
     try:
         part: Part = future.result(timeout=FETCH_S)
     except Exception as found:  # noqa: BLE001 (whatever a task can raise, told below)
         error = found
     else:
         return part
-    if future.status != "error":  # the connection failed, not the task
+    if future.status != "error":  # The connection failed, and not the task.
         if isinstance(error, TimeoutError):
             return None
         raise _lost()

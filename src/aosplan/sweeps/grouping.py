@@ -1,7 +1,7 @@
 """Groups of a sweep's summary: the values of its inputs, and the column that is optimised.
 
-They depend on the scenarios alone and are known before anything is solved, so that parts can be
-summarised independently.
+The groups depend only on the scenarios, and are known before any scenario is solved.  Parts can
+therefore be summarised independently.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from aosplan.sweeps.scenarios import ScenarioTable
 
 MOST_GROUPS = 20
-"""Largest number of single values of an input; more numbers are grouped into `BINS` of equal size."""
+"""Largest number of values of an input that are listed individually.  If there are more numbers,
+they are grouped into `BINS` bins of equal size.
+"""
 
 BINS = 10
 
@@ -38,8 +40,8 @@ OBJECTIVES = {
 class InputGroups(NamedTuple):
     """Groups of the values of one input: numbers and text.
 
-    `numbers` are single values, or the first and last value of a bin, in increasing order.  `words`
-    are all other values, including None, in the order of the sweep.
+    `numbers` has single values, or the first and last value of each bin, in increasing order.
+    `words` has all other values, including None, in the order of the sweep.
     """
 
     name: str
@@ -48,7 +50,7 @@ class InputGroups(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number of groups, including one for values that are in no other group."""
+        """Number of groups, including one group for values that are in no other group."""
         return len(self.numbers) + len(self.words) + 1
 
     def labels(self) -> list[dict[str, Any]]:
@@ -82,7 +84,7 @@ class Grouping(NamedTuple):
 
     @property
     def needed(self) -> tuple[str, ...]:
-        """Results that the summary needs in addition to those that are written."""
+        """Results that the summary needs in addition to the results that are written."""
         return (self.objective,)
 
 
@@ -94,8 +96,9 @@ def grouping(scenarios: ScenarioProduct | ScenarioTable, best: str | None = None
     scenarios
         The scenarios.
     best
-        Column to maximise, or to minimise if it starts with a minus.  By default, it is what the
-        sweep optimises, or the number of samples if that differs between rows.
+        Column to maximise, or to minimise if it starts with a minus.  By default, it is the
+        quantity that the sweep optimises, or the number of samples if this quantity differs between
+        rows.
     """
     wanted = best or ""
     objective, most = wanted.lstrip("-"), not wanted.startswith("-")

@@ -1,4 +1,4 @@
-"""Files that the scenarios of a sweep use, because the results depend on their content."""
+"""Files that the scenarios of a sweep use.  The results depend on their content."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class NamedFile(NamedTuple):
-    """A value of an option, the path that was found for it, and the files that it refers to."""
+    """A value of an option, the path that was found for it, and the files to which it refers."""
 
     option: str
     value: str
@@ -41,7 +41,7 @@ def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Nam
     values
         Values by option.
     folder
-        Folder in which they are looked for first.
+        Folder in which the files are looked for first.
     """
     for name, column in values.items():
         if not is_file_option(name):
@@ -50,7 +50,8 @@ def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Nam
             found = located(value, folder)
             try:
                 stood_for = cloud_files(found) or (found,)
-            except RequestError:  # a folder or pattern without files: rows that name it report it
+            # For a folder or pattern without files, the rows that name it report the error.
+            except RequestError:
                 continue
             there = tuple(file for file in stood_for if os.path.isfile(file))
             if there:
@@ -58,11 +59,14 @@ def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Nam
 
 
 def checksums(values: Mapping[str, NDArray[Any]], folder: str) -> list[tuple[str, str, str]]:
-    """Option, value and SHA-256 of every readable file; parameters as for `named_files`."""
+    """Option, value and SHA-256 of every readable file.  The parameters are those of
+    `named_files`.
+    """
     sums = []
     for named in named_files(values, folder):
         for file in named.files:
-            with contextlib.suppress(OSError):  # the rows that name an unreadable file report it
+            # For an unreadable file, the rows that name it report the error.
+            with contextlib.suppress(OSError):
                 known = os.stat(file)
                 digest = _checksum(file, known.st_size, known.st_mtime_ns)
                 sums.append((named.option, named.value, digest))

@@ -1,8 +1,8 @@
-"""A result that is a folder of Parquet files, one per part.
+"""Results in the form of a folder of Parquet files, one file per part.
 
-The folder gets its final name when it is complete.  It contains nothing else, so that other
-programs can read the folder.  Its journal stays beside it, so that a later run can find damaged
-parts.
+The folder gets its final name when it is complete.  It contains no other files, so that other
+programs can read the folder.  The journal is kept beside the folder, so that a later run can find
+damaged parts.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ OF_A_SWEEP = re.compile(r"part-\d{5,}\.parquet(\.[0-9a-f]{32}\.tmp)?|writing-[0-
 
 
 def is_folder(out: str) -> bool:
-    """Whether a result is a folder, because it exists as one or its path ends with a separator."""
-    # A path may end with a slash on every system, even if backslashes are the usual separator.
+    """Whether a result is a folder: either the folder exists, or the path ends with a separator."""
+    # A slash at the end is accepted on every system, even if the usual separator is a backslash.
     return out.endswith(("/", os.sep)) or os.path.isdir(out)
 
 
 def check_folder(out: str, *, resume: bool, force: bool) -> None:
-    """Refuse a folder that cannot be written, or contains files that no sweep wrote.
+    """Refuse a folder that cannot be written, or that contains files of other programs.
 
     Raises
     ------
     RequestError
-        If it may not be replaced, or its parent folder does not exist.
+        If the folder exists and may not be replaced, or if its parent folder does not exist.
     """
     place = os.path.abspath(out)
     above = os.path.dirname(place)
@@ -72,7 +72,7 @@ class Partitions(Parts):
         self.digits = max(5, len(str(self.count - 1)))
 
     def start(self, *, resume: bool, force: bool) -> None:
-        """Create the folder, or continue with the parts in it or in the result."""
+        """Create the folder, or continue with the parts in this folder or in the result."""
         if resume and not os.path.isdir(self.folder) and os.path.isdir(self.out):
             self.folder = self.out if os.listdir(self.out) else self.folder
         super().start(resume=resume, force=force)
@@ -82,7 +82,7 @@ class Partitions(Parts):
         return os.path.join(self.folder, f"part-{index:0{self.digits}d}.parquet")
 
     def join(self, sweep: Sweep, count: int) -> str:  # noqa: ARG002 (nothing is to be joined)
-        """Check that the folder has all parts and nothing else, and return it.
+        """Check that the folder has all parts and no other files, and return the folder.
 
         Raises
         ------
@@ -105,13 +105,13 @@ class Partitions(Parts):
         return self.folder
 
     def put(self, whole: str, *, resume: bool, force: bool) -> None:
-        """Rename the folder to its final name; an earlier result is removed afterwards, which takes
-        time.
+        """Rename the folder to its final name.  An earlier result is removed after that, because
+        removing takes time.
 
         Raises
         ------
         RequestError
-            As `check_folder`.
+            In the same cases as `check_folder`.
         """
         if whole == self.out:
             return
@@ -124,11 +124,11 @@ class Partitions(Parts):
             shutil.rmtree(earlier)
 
     def remove(self) -> None:
-        """Put the journal in order; nothing is removed."""
+        """Sort the journal.  Nothing is removed, because the parts are the result."""
         self.note_all()
 
     def discard(self) -> None:
-        """Remove the folder of a run that has done nothing, unless it is the result."""
+        """Remove the folder of a run that has written no part, unless the folder is the result."""
         if self.folder != self.out:
             super().discard()
             os.unlink(self.journal)

@@ -1,8 +1,8 @@
-"""Parts of a sweep's result in a folder, and a journal of the complete ones.
+"""Parts of a sweep's result in a folder, and a journal of the complete parts.
 
-A part gets its final name only when it is complete and on the disk.  Its line in the journal, with
-the checksum of its file, is written after that.  For any interruption, a later run can therefore
-tell which parts are complete.
+A part gets its final name only when it is complete and on the disk.  After that, a line with the
+checksum of its file is written to the journal.  After any interruption, a later run can therefore
+find out which parts are complete.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Part(NamedTuple):
 
 
 class Parts:
-    """The folder of a sweep's parts, and the journal of the complete ones."""
+    """The folder of a sweep's parts, and the journal of the complete parts."""
 
     def __init__(self, out: str, sweep: Sweep) -> None:
         # If the result is a link, the link is kept and its target is replaced.
@@ -60,7 +60,8 @@ class Parts:
         self.folder = f"{self.out}.parts"
         self.journal = os.path.join(self.folder, JOURNAL)
         self.suffix = os.path.splitext(out)[1].lower()
-        # Parquet keeps the types, which are needed when the best rows of the parts are compared.
+        # Parquet preserves the types of columns. They are needed when the best rows of the parts
+        # are compared.
         self.part_suffix = self.suffix if sweep.best is None else ".parquet"
         self.fingerprint = sweep.fingerprint()
         self.done: dict[int, Part] = {}
@@ -71,7 +72,8 @@ class Parts:
         Raises
         ------
         RequestError
-            If it has parts that are not to be resumed, or that belong to another sweep.
+            If the folder has parts and the run is not resumed, or if its parts belong to another
+            sweep.
         """
         if os.path.isdir(self.folder):
             if resume:
@@ -88,7 +90,8 @@ class Parts:
 
     @contextlib.contextmanager
     def alone(self) -> Iterator[None]:
-        """Hold a lock during a run, so that no other process writes the same result.
+        """Context manager that holds a lock during a run, so that no other process writes the same
+        result.
 
         Raises
         ------
@@ -105,7 +108,7 @@ class Parts:
             try:
                 yield
             finally:
-                # Windows cannot remove an open file.
+                # Windows does not remove open files.
                 if sys.platform == "win32":
                     os.close(handle)
                     handle = -1
@@ -130,7 +133,7 @@ class Parts:
             try:
                 part = Part(**note)
                 whole = _is_whole(self.path(part.part), part)
-            except (TypeError, ValueError):  # not a line of a journal
+            except (TypeError, ValueError):  # This is not a line of a journal.
                 continue
             if whole:
                 self.done[part.part] = part
@@ -156,7 +159,9 @@ class Parts:
         write_durably(text.encode(), self.journal)
 
     def join(self, sweep: Sweep, count: int) -> str:
-        """Join all parts into one temporary file beside the result; return its path."""
+        """Join all parts into one temporary file in the folder of the result.  Returns the path of
+        this file.
+        """
         whole = os.path.join(self.folder, f"whole{self.suffix}")
         paths = [self.path(index) for index in range(count)]
         if sweep.best is not None:
@@ -167,7 +172,8 @@ class Parts:
             _join_parquet(paths, whole)
         else:
             _join_text(paths, whole, header=self.suffix == ".csv")
-        # The parts are removed after the result is renamed, so it has to be on the disk.
+        # The parts are removed after the result is renamed. The result therefore has to be on the
+        # disk.
         with open(whole, "r+b") as file:
             os.fsync(file.fileno())
         return whole
@@ -178,13 +184,13 @@ class Parts:
         Raises
         ------
         RequestError
-            If another file got this name in the meantime and may not be replaced.
+            If another file with this name has been created in the meantime and may not be replaced.
         """
         check_output(self.out, force=force)
         os.replace(whole, self.out)
 
     def remove(self) -> None:
-        """Remove what only the run needs, which is the folder here."""
+        """Remove files that only the run needs: the folder of the parts."""
         shutil.rmtree(self.folder)
 
     def drop_begun(self) -> None:
@@ -207,7 +213,7 @@ def solve_part(sweep: Sweep, index: int, path: str | None, folder: str | None = 
 
 
 def _is_first(handle: int, lock: str) -> bool:
-    """Whether this process got the lock, because no other process holds it."""
+    """Whether this process got the lock.  It fails if another process holds the lock."""
     if sys.platform == "win32":
         import msvcrt
 
@@ -222,14 +228,14 @@ def _is_first(handle: int, lock: str) -> bool:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
-    except OSError:  # the file system has no locks
+    except OSError:  # The file system does not support locks.
         return True
-    # Another run may have removed the file of the lock before this process locked it.
+    # Another run may have removed the lock file before this process locked it.
     return os.path.exists(lock) and os.path.samestat(os.fstat(handle), os.stat(lock))
 
 
 def write_frame(frame: pl.DataFrame, path: str, folder: str | None = None) -> tuple[int, str]:
-    """Write a frame in the format of the path's extension by `write_durably`; return size and
+    """Write a frame with `write_durably`, in the format of the path's extension.  Returns size and
     SHA-256.
     """
     content = io.BytesIO()
@@ -245,7 +251,9 @@ def write_frame(frame: pl.DataFrame, path: str, folder: str | None = None) -> tu
 
 
 def _guarded(frame: pl.DataFrame) -> pl.DataFrame:
-    """A frame in which no name starts with a character that a spreadsheet takes for a formula."""
+    """A frame in which no name starts with a character with which formulas of spreadsheets
+    start.
+    """
     pl = polars()
     names = [
         name
@@ -262,19 +270,19 @@ def _guarded(frame: pl.DataFrame) -> pl.DataFrame:
 
 
 def write_durably(content: bytes | memoryview, path: str, folder: str | None = None) -> None:
-    """Write a file so that it gets its final name only when it is complete and on the disk.
+    """Write a file that gets its final name only when it is complete and on the disk.
 
     Parameters
     ----------
     content, path
         The content, and the path of the file.
     folder
-        Folder of the incomplete file, on the same disk; by default that of `path`.
+        Folder of the incomplete file, on the same disk.  By default, it is the folder of `path`.
 
     Raises
     ------
     OSError
-        If the file cannot be written; no incomplete file remains.
+        If the file cannot be written.  No incomplete file remains.
     """
     name = f"{os.path.basename(path)}.{uuid.uuid4().hex}{BEGUN}"
     temporary = os.path.join(os.path.dirname(path) if folder is None else folder, name)
@@ -293,7 +301,7 @@ def write_durably(content: bytes | memoryview, path: str, folder: str | None = N
 
 
 def _notes(journal: str) -> list[dict[str, Any]]:
-    """The lines of a journal; an incomplete last line is ignored."""
+    """The lines of a journal.  An incomplete last line is ignored."""
     notes = []
     try:
         with open(journal, encoding="utf-8", errors="replace") as file:
@@ -306,7 +314,7 @@ def _notes(journal: str) -> list[dict[str, Any]]:
 
 
 def _is_whole(path: str, part: Part) -> bool:
-    """Whether the file of a part has its original size and checksum."""
+    """Whether the file of a part has the size and checksum that the journal gives."""
     if not os.path.isfile(path) or os.path.getsize(path) != part.bytes:
         return False
     with open(path, "rb") as file:

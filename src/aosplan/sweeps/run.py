@@ -1,9 +1,9 @@
-"""A sweep that is written to a file part by part; it can be resumed without changing the result.
+"""Execution of a sweep, which writes the result part by part and can be resumed.
 
 Each block of scenarios becomes a part (`aosplan.sweeps.parts`).  When all parts are complete, they
-are joined, or they are themselves the result (`aosplan.sweeps.parquet_folder`).  The parts depend
-only on the sweep.  Neither interruptions nor the number of workers, on this machine or on a cluster
-(`aosplan.sweeps.cluster`), change the result.
+are joined into one file, or their folder is the result (`aosplan.sweeps.parquet_folder`).  The
+parts depend only on the sweep.  Interruptions do not change the result.  The number of workers, on
+this machine or on a cluster (`aosplan.sweeps.cluster`), does not change it either.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     from aosplan.sweeps.sweep import Sweep
 
 MOST_WINDOWS_WORKERS = 61
-"""Windows can wait for 63 handles at most, and a pool of processes needs two of them."""
+"""Largest number of processes of a pool on Windows.  Windows can wait for at most 63 handles, and
+the pool itself needs two handles.
+"""
 
 
 def run(
@@ -46,30 +48,27 @@ def run(
     scheduler: str | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[int, Aggregation | None]:
-    """Solve every scenario and write the rows to keep; return their number, and the summary.
+    """Solve every scenario and write the rows to keep.  Returns the number of these rows, and the
+    summary.
 
     Parameters
     ----------
     sweep
         The sweep to solve.
     out
-        Path of the result, which ends in one of `SUFFIXES` or is a folder
-        (`aosplan.sweeps.parquet_folder.is_folder`).
-    resume, force
-        Whether to continue an interrupted run; whether to overwrite an existing result.
-    workers
-        Number of processes; 1 uses only the current process.
-    scheduler
-        Address of a Dask cluster that solves instead of this machine.
-    progress
-        Function that is called with the number of scenarios done since the last call.
+        Path of the result.  It has one of the extensions `SUFFIXES`, or it is a folder
+        (`aosplan.sweeps.parquet_folder.is_folder`). resume, force Whether an interrupted run is
+        continued, and whether an existing result is overwritten. workers Number of processes.  With
+        1, only the current process is used. scheduler Address of a Dask cluster that solves the
+        scenarios instead of this machine. progress Function that is called with the number of
+        scenarios that have been solved since its last call.
 
     Raises
     ------
     RequestError
-        If `Parts.start` refuses, or a file of a scenario is not valid.
-    SurroundingsError
-        If something cannot be written, or a worker dies; complete parts remain for `resume`.
+        In the same cases as `Parts.start`.  Also if a file of a scenario is not valid.
+        SurroundingsError If a file cannot be written, or if a worker is terminated.  Complete parts
+        remain for `resume`.
     """
     parts = Partitions(out, sweep) if is_folder(out) else Parts(out, sweep)
     with parts.alone():
@@ -138,21 +137,22 @@ def summarise(
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> Aggregation:
-    """Solve every scenario without writing rows; return the summary.
+    """Solve every scenario without writing rows, and return the summary.
 
     Parameters
     ----------
     sweep
-        The sweep to solve, with its `summarise`.
+        The sweep to solve.  Its attribute `gather` is set.
     path
-        File for the summary if the run is interrupted or takes long; the caller has to remove it.
+        File that stores the summary if the run is interrupted or takes long.  The caller has to
+        remove it.
     resume, force, workers, progress
         As in `run`.
 
     Raises
     ------
     RequestError
-        If `Gathering.start` refuses, or a file of a scenario is not valid.
+        In the same cases as `Aggregation.start`.  Also if a file of a scenario is not valid.
     """
     gathering = start_aggregation(sweep, path, resume=resume, force=force)
     advance = progress or (lambda _: None)
@@ -168,7 +168,9 @@ def summarise(
 def _solved(
     sweep: Sweep, parts: Parts | None, left: Iterable[int], workers: int
 ) -> Generator[Part]:
-    """Solve parts on this machine, write them if `parts` is given, and yield them when complete."""
+    """Solve parts on this machine and yield them when they are complete.  If `parts` is given, they
+    are written.
+    """
     _end_waits()
 
     def path(index: int) -> str | None:
@@ -180,14 +182,15 @@ def _solved(
         return
     waiting = iter(left)
     others = set(active_children())
-    # Forked processes would inherit locks of polars' threads.
+    # Processes are not forked, because they would inherit locks of polars' threads.
     context = get_context("spawn")
     with (
         contextlib.ExitStack() as afterwards,
         ProcessPoolExecutor(workers_of(workers), context, _take, (sweep,)) as pool,
     ):
         try:
-            with _interrupted_later():  # an exception in a half-started process would be printed
+            # If an interruption occurred while a process starts, Python would print an exception.
+            with _interrupted_later():
                 running = {
                     pool.submit(_part, index, path(index)) for index in islice(waiting, 2 * workers)
                 }
@@ -204,7 +207,7 @@ def _solved(
                 afterwards.callback(parts.drop_begun)
             pool.shutdown(wait=False, cancel_futures=True)
             for process in set(active_children()) - others:
-                process.terminate()  # the part that it was writing is incomplete
+                process.terminate()  # The part that the process was writing is incomplete.
             if isinstance(error, BrokenProcessPool):
                 raise SurroundingsError(
                     "a worker process died, perhaps for lack of memory",
@@ -214,19 +217,22 @@ def _solved(
 
 
 def workers_of(asked: int) -> int:
-    """Number of processes of a pool: the requested number, on Windows at most 61."""
+    """Number of processes of a pool: the requested number, but at most `MOST_WINDOWS_WORKERS` on
+    Windows.
+    """
     return min(asked, MOST_WINDOWS_WORKERS) if sys.platform == "win32" else asked
 
 
 def _end_waits() -> None:
     if sys.platform != "win32":
-        # The signal handler of polars restarts interrupted system calls; Ctrl-C has to end them.
+        # The signal handler of polars restarts interrupted system calls. Ctrl-C has to end them
+        # instead.
         signal.siginterrupt(signal.SIGINT, True)
 
 
 @contextlib.contextmanager
 def _interrupted_later() -> Iterator[None]:
-    """Defer Ctrl-C until the end of the block of the context manager."""
+    """Context manager that defers Ctrl-C until the end of its block."""
     heeded = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if not heeded or current_thread() is not main_thread():
         yield
@@ -245,16 +251,18 @@ _sweep: Sweep | None = None
 
 
 def _take(sweep: Sweep) -> None:
-    """Store the sweep in a worker process and ignore Ctrl-C, which the first process handles."""
+    """Store the sweep in a worker process.  Ctrl-C is ignored, because the first process handles
+    it.
+    """
     global _sweep  # noqa: PLW0603 (a process of a pool has no other place)
     _sweep = sweep
     Thread(target=_end_with_parent, daemon=True).start()
-    polars()  # installs a signal handler, so it is imported first
+    polars()  # polars installs a signal handler, so it is imported first.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _end_with_parent() -> None:
-    """End this process when its parent process has ended, even if that was killed."""
+    """End this process when its parent process has ended, even if the parent was killed."""
     parent = parent_process()
     if parent is not None:
         parent.join()
@@ -262,5 +270,5 @@ def _end_with_parent() -> None:
 
 
 def _part(index: int, path: str | None) -> Part:
-    assert _sweep is not None  # set when the worker started
+    assert _sweep is not None  # It was set when the worker started.
     return solve_part(_sweep, index, path)

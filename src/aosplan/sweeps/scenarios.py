@@ -1,8 +1,9 @@
-"""Scenarios of a sweep: all combinations of lists and ranges, or the rows of a table.
+"""Scenarios of a sweep: all combinations of lists and ranges (a *crossing*), or the rows of a
+table.
 
-Both provide blocks, which are columns of parsed option values that broadcast against each other.
-Each column of a crossing has its own axis, so a quantity that depends on few options is computed
-few times.
+Both provide blocks.  A block consists of columns of parsed option values, which broadcast against
+each other.  Each column of a crossing has its own axis.  A quantity that depends on few options is
+therefore computed only a few times.
 """
 
 from __future__ import annotations
@@ -30,31 +31,35 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 ROWS_A_BLOCK = 1 << 18
-"""Number of scenarios that are evaluated and written at once: some tens of megabytes."""
+"""Number of scenarios that are evaluated and written at once.  They need some tens of megabytes."""
 
 ROWS_ALONE = 1 << 10
-"""The same for scenarios solved one by one: work lost by an interruption, or given to a worker."""
+"""Number of scenarios of a block if all are solved one by one.  It is the work that an interruption
+loses, and the work that a worker gets at once.
+"""
 
 SPREADSHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
 
 MOST_HEADER = 1 << 16
-"""Longest header of a CSV file [bytes]; a header with all options is a fiftieth of it."""
+"""Longest header of a CSV file [bytes].  A header with all options needs 2 % of this."""
 
 ROOM_OCTETS, THREAD_OCTETS = 1_250_000_000, 50_000_000
 """Address space that polars reserves for a block, and for each of its threads [bytes]."""
 
 PLAIN_CELLS = 2_000_000
-"""Number of cells that any Parquet file may have."""
+"""Number of cells that every Parquet file may have, for any size of the file."""
 
 CELLS_A_BYTE = 100
-"""Number of cells per byte that a larger Parquet file may have."""
+"""Largest number of cells per byte, for Parquet files with more cells."""
 
 MOST_VALUES = 10_000_000
 """Largest number of values of a range or list."""
 
 
 def _parsed(name: str, value: Any, place: str) -> Any:
-    """A value of an option, parsed as by `plan`; values for a search within a time are refused."""
+    """A value of an option, parsed as in `plan`.  Values that request a search within a time are
+    refused.
+    """
     found = BY_NAME[name].parse(value, place)
     if (
         name == "within"
@@ -77,7 +82,8 @@ _SEARCHED = (("optimize", "detection"), ("trigger", "best"))
 class _Scenarios:
     """The swept options with their values.
 
-    Blocks are smaller if a larger share of the scenarios has to be solved one by one (`alone`).
+    `alone` is the share of the scenarios that have to be solved one by one.  The larger this share,
+    the smaller are the blocks.
     """
 
     values: dict[str, NDArray[Any]]
@@ -94,7 +100,7 @@ class _Scenarios:
 
 
 class ScenarioProduct(_Scenarios):
-    """All combinations of the values of the axes, where the last axis varies fastest."""
+    """All combinations of the values of the axes.  The last axis varies fastest."""
 
     @property
     def rows(self) -> int:
@@ -103,8 +109,8 @@ class ScenarioProduct(_Scenarios):
 
     @cached_property
     def _steps(self) -> list[int]:
-        """Number of values of each axis in a block: 1 on leading axes, part of one axis, then all
-        values.
+        """Number of values of each axis in a block.  It is 1 for the first axes, a part of the
+        values for one axis, and all values for the last axes.
         """
         steps, room = [], _room(self.alone)
         for axis in reversed(self.values.values()):
@@ -124,7 +130,7 @@ class ScenarioProduct(_Scenarios):
         return math.prod(self._cuts)
 
     def block(self, index: int) -> Block:
-        """The block with an index; together, blocks contain all scenarios once and in order."""
+        """The block with an index.  Together, the blocks contain each scenario once, in order."""
         columns, shape, start = {}, [], 0
         for axis, (name, values) in enumerate(self.values.items()):
             index_along = index // math.prod(self._cuts[axis + 1 :]) % self._cuts[axis]
@@ -139,8 +145,8 @@ class ScenarioProduct(_Scenarios):
 
 
 class ScenarioTable(_Scenarios):
-    """One scenario per row: columns of equal length, with None for options that a row does not
-    give.
+    """One scenario per row.  The columns have equal length.  If a row does not give an option, its
+    value is None.
     """
 
     @property
@@ -164,7 +170,7 @@ class ScenarioTable(_Scenarios):
 
 @dataclass(frozen=True)
 class SingleBlock(ScenarioTable):
-    """A single block of scenarios, without the other blocks."""
+    """Scenarios of which only a single block is known."""
 
     only: Block = field(kw_only=True)
 
@@ -183,13 +189,16 @@ def _kinds(columns: Mapping[str, NDArray[Any]]) -> dict[str, frozenset[type]]:
 
 
 def _room(alone: float) -> int:
-    """Number of scenarios of a block, by the share of those that are solved one by one."""
+    """Number of scenarios of a block.  It depends on the share of scenarios that are solved one by
+    one.
+    """
     room = ROWS_A_BLOCK if alone * ROWS_A_BLOCK <= ROWS_ALONE else round(ROWS_ALONE / alone)
     return min(room, ROWS_A_BLOCK)
 
 
 def read_crossing(path: str) -> ScenarioProduct:
-    """Read the crossing in a TOML or JSON file: its table ``sweep``, in the order of the file.
+    """Read the crossing in a TOML or JSON file: the entries of its table ``sweep``, in the order of
+    the file.
 
     Each entry is a value, a list of values, a range
     ``{ start, stop, count, spacing = "linear" or "log" }``, or a file with one value per line,
@@ -198,8 +207,8 @@ def read_crossing(path: str) -> ScenarioProduct:
     Raises
     ------
     RequestError
-        If a name is unknown, a value is not valid, or an axis has no values; the message names
-        the place.
+        If a name is unknown, if a value is not valid, or if an axis has no values.  The message
+        gives the place.
     """
     table = read_table(path)
     sweep = table.get("sweep")
@@ -209,7 +218,7 @@ def read_crossing(path: str) -> ScenarioProduct:
 
 
 def crossing_of(sweep: Mapping[str, Any], where: str = "", folder: str = "") -> ScenarioProduct:
-    """The crossing of options by name, in the format of `read_crossing`.
+    """The crossing of options, given by name in the format of `read_crossing`.
 
     Parameters
     ----------
@@ -243,19 +252,20 @@ def read_scenarios(path: str) -> ScenarioProduct | ScenarioTable:
 
 
 def read_rows(path: str) -> ScenarioTable:
-    """Read the scenarios of a CSV or Parquet file, one per row; an empty cell means no value.
+    """Read the scenarios of a CSV or Parquet file, one per row.  An empty cell means that an option
+    is not given.
 
     Raises
     ------
     RequestError
-        If a column is not an option, or a cell is not a value of it; the message names row and
-        column.
+        If a column is not an option, or if a cell is not a valid value of it.  The message gives
+        row and column.
     """
     pl = polars()
     as_text = path.lower().endswith(".csv")
     _check_start(path, as_text=as_text)
     with decoding("table of scenarios", path):
-        # Brackets in a file name must not be taken for a pattern.
+        # Brackets in a file name are escaped, because polars would read them as a pattern.
         if as_text:
             wide = read_start(path, 2) in (b"\xff\xfe", b"\xfe\xff")
             source = io.BytesIO(text_of(read_bytes(path), path).encode()) if wide else path
@@ -292,7 +302,7 @@ def _check_start(path: str, *, as_text: bool) -> None:
         raise RequestError(f"'{path}': its header is longer than {MOST_HEADER} bytes")
     header = next(csv.reader([line]), [])
     while len(header) > 1 and not header[-1].strip():
-        header.pop()  # an empty column after a trailing comma
+        header.pop()  # A comma at the end of the header gives an empty last column.
     for other, title in ((";", "semicolons"), ("\t", "tabs")):
         if len(header) == 1 and other in line:
             raise RequestError(
@@ -316,7 +326,11 @@ def _without_blanks(frame: Any) -> Any:
 
 
 def _check_size(frame: Any, path: str) -> None:
-    """Refuse a Parquet file with too many cells for its size, because runs of one value are short."""
+    """Refuse a Parquet file with too many cells for its size.
+
+    Parquet stores long runs of one value in a few bytes, so that a small file can have very many
+    cells.
+    """
     columns = len(frame.collect_schema())
     rows = frame.select(polars().len()).collect().item()
     stored = os.path.getsize(path)
@@ -340,9 +354,10 @@ def _check_names(names: Sequence[str], path: str) -> None:
 
 
 def _parsed_column(frame: Any, name: str, path: str) -> NDArray[Any]:
-    """The parsed values of a column; each distinct value is parsed once."""
+    """The parsed values of a column.  Each distinct value is parsed once."""
     series = frame.get_column(name)
-    if series.dtype.is_nested():  # lists, such as a location, are written as in a CSV file
+    # Lists, such as a location, are converted to the text that a CSV file would have.
+    if series.dtype.is_nested():
         series = series.map_elements(_cell, return_dtype=polars().String)
     distinct = series.unique(maintain_order=True)
     parsed: list[Any] = []
@@ -408,9 +423,8 @@ def polars() -> Any:
     Raises
     ------
     MissingExtraError
-        If it is not installed.
-    SurroundingsError
-        If a memory limit is too low for it, which would end the process without a message.
+        If polars is not installed.  SurroundingsError If a memory limit is too low for polars.
+        Without this check, the process would end without a message.
     """
     if "polars" not in sys.modules:
         _check_room()
@@ -427,7 +441,7 @@ def _check_room() -> None:
         limit = resource.getrlimit(resource.RLIMIT_AS)[0]
         with open("/proc/self/statm", encoding="ascii") as file:
             used = int(file.read().split()[0]) * resource.getpagesize()
-    except (ImportError, AttributeError, OSError):  # not available outside Linux
+    except (ImportError, AttributeError, OSError):  # This limit is known only on Linux.
         return
     needed = ROOM_OCTETS + THREAD_OCTETS * (os.cpu_count() or 1)
     if limit != resource.RLIM_INFINITY and limit - used < needed:
@@ -447,7 +461,9 @@ def _lines(path: str) -> list[str]:
 
 
 def column_of(values: Sequence[Any]) -> NDArray[Any]:
-    """Values as an array: floats and integers as numbers, everything else as objects."""
+    """Values as an array.  Floats and integers are stored as numbers, and all other values as
+    objects.
+    """
     if all(type(value) is int for value in values):
         return np.array(values, dtype=np.int64)
     if all(isinstance(value, float) for value in values):

@@ -36,12 +36,14 @@ USUAL = (
 
 
 def input_column(name: str) -> str:
-    """Name of the column of an option: its own name, unless a result has the same name."""
+    """Name of the column of an option.  It is the name of the option, unless a result has the same
+    name.
+    """
     return f"request_{name}" if name in RESULTS else name
 
 
 def chosen_results(text: str | None, *, finds: bool = False) -> tuple[str, ...]:
-    """Results by name: the default ones, ``all``, or a list with commas.
+    """The results that a text names: the default results, ``all``, or a list with commas.
 
     For sweeps that search for a target (`finds`), the default and ``all`` include the detection.
 
@@ -65,18 +67,16 @@ def chosen_results(text: str | None, *, finds: bool = False) -> tuple[str, ...]:
 def solve_block(
     block: Block, names: Sequence[str], results: Sequence[str], folder: str = ""
 ) -> pl.DataFrame:
-    """Solve the scenarios of a block; the frame has one row per scenario, in order.
+    """Solve the scenarios of a block.  The frame has one row per scenario, in order.
 
     Parameters
     ----------
     block
         The scenarios.
     names
-        Options to include, which are columns of the block.
-    results
-        Results to include, which are names in `RESULTS` and `DETECTION`.
-    folder
-        Folder in which the scenarios' file names are looked for first.
+        Options to include.  They are columns of the block. results Names of the results to include,
+        from `RESULTS` and `DETECTION`. folder Folder in which the files of the scenarios are looked
+        for first.
     """
     pl = polars()
     numbers = {name: np.full(block.rows, np.nan) for name in results}
@@ -123,7 +123,7 @@ def solve_block(
 
 
 def forget_files() -> None:
-    """Clear what was read from files, because they may change while this process runs."""
+    """Clear stored content of files, because files may change while this process runs."""
     forget_scenes()
     inputs.forget_files()
 
@@ -140,7 +140,7 @@ def _status(pl: Any, status: NDArray[np.uint8]) -> Any:
 
 
 def _reason(pl: Any, reason: NDArray[np.int32], texts: list[str]) -> Any:
-    """Reasons from their indices in `texts`; null if there is none."""
+    """The reason of each row from its index in `texts`; null if there is no reason."""
     if not texts:
         return pl.repeat(None, len(reason), dtype=pl.String, eager=True).alias("reason")
     told = pl.Series("reason", [*texts, None], dtype=pl.String)
@@ -148,7 +148,9 @@ def _reason(pl: Any, reason: NDArray[np.int32], texts: list[str]) -> Any:
 
 
 def _alike(block: Block) -> Iterator[tuple[Block, NDArray[np.intp] | None]]:
-    """Split a block into parts whose rows give the same options, with their indices; None for all."""
+    """Split a block into parts whose rows give the same options.  Each part has the indices of its
+    rows; None means all rows.
+    """
     holes = {
         name: np.array([value is None for value in column.flat])
         for name, column in block.columns.items()
@@ -156,11 +158,12 @@ def _alike(block: Block) -> Iterator[tuple[Block, NDArray[np.intp] | None]]:
     }
     holes = {name: hole for name, hole in holes.items() if hole.any()}
     if not holes:
-        # A column of numbers that has gaps in other blocks has the type object in this block, too.
+        # If a column of numbers has missing values in other blocks, its type is object in this
+        # block too.
         columns = {name: _narrowed(column) for name, column in block.columns.items()}
         yield block._replace(columns=columns), None
         return
-    # Only tables have gaps, and their blocks have one axis.
+    # Only tables have missing values, and their blocks have a single axis.
     patterns, places = np.unique(np.stack(list(holes.values())), axis=1, return_inverse=True)
     for index, pattern in enumerate(patterns.T):
         rows = np.flatnonzero(places.reshape(-1) == index)

@@ -1,8 +1,8 @@
-"""Scenarios that are solved one at a time, because the vectorized solver cannot solve them.
+"""Solution of scenarios one at a time, for scenarios that the vectorized solver cannot solve.
 
-Scenarios with the same scene and altitude are solved one after the other, independently of their
-order.  They share the results of models: views of voxels, correlograms, predictions.  Only the
-grid, and length and time of the flight are computed for each.
+Scenarios with the same scene and altitude are solved one after the other, even if they are not
+neighbours.  They share the results of models: views of voxels, correlograms, and predictions.  For
+each scenario, only the grid and the length and time of the flight are computed.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ NOT_OF_CLEAR_VIEWS = (
     "disparity_normalized",
     "disparity_pixels",
 )
-"""Results that do not exist for a scene without occluders."""
+"""Results that are not defined for a scene without occluders."""
 
 RESULTS = (
     "altitude_m",
@@ -71,10 +71,10 @@ RESULTS = (
     "flight_length_m",
     "flight_time_s",
 )
-"""Numbers of a plan's JSON document, by place and name."""
+"""Names of the results.  Each is a number of a plan's JSON document."""
 
 DETECTION = ("detection_probability", "detection_unseen")
-"""Results of scenarios that search for a target."""
+"""Names of the additional results of scenarios with a target to find."""
 
 SCENE = (*(option.name for option in OPTIONS if option.panel == "Scene"), "model")
 """Options that determine how a scene is read."""
@@ -83,10 +83,12 @@ GEOMETRY = (
     *(option.name for option in OPTIONS if option.panel in ("Altitude", "Scene", "Camera")),
     *("model", "view", "rays", "hold_error", "drone"),
 )
-"""Options that determine the model; scenarios with equal values of them are solved together."""
+"""Options that determine the model.  Scenarios with equal values of these options are solved
+together.
+"""
 
 MOST_SCENES = 16
-"""Number of scenes that are stored; voxels may need much memory."""
+"""Largest number of scenes that are stored.  It is small, because voxels may need much memory."""
 
 _scenes: dict[tuple[Any, ...], LoadedScene] = {}
 
@@ -102,16 +104,14 @@ class Outcome(NamedTuple):
 def solve_rows(
     block: Block, rows: NDArray[np.intp], folder: str, results: Sequence[str] = RESULTS
 ) -> list[Outcome]:
-    """Solve some scenarios of a block; the outcomes are in their order.
+    """Solve some scenarios of a block.  The outcomes are in the order of the scenarios.
 
     Parameters
     ----------
     block, rows
         The block, and indices of the scenarios in it.
     folder
-        Folder in which file names are looked for first.
-    results
-        Results to compute.
+        Folder in which files are looked for first. results Results to compute.
     """
     values = [block.request_values(row) for row in rows.tolist()]
     alike: dict[tuple[Any, ...], list[int]] = {}
@@ -119,7 +119,7 @@ def solve_rows(
         alike.setdefault(tuple(each.get(name) for name in GEOMETRY), []).append(place)
     outcomes: dict[int, Outcome] = {}
     for places in alike.values():
-        memo = Memo()  # a new memo per group, because views need memory
+        memo = Memo()  # Each group has a new memo, because views need much memory.
         for place in places:
             outcomes[place] = solve_row(values[place], folder, results, memo)
     return [outcomes[place] for place in range(len(values))]
@@ -131,7 +131,9 @@ def solve_row(
     results: Sequence[str] = RESULTS,
     memo: Memo | None = None,
 ) -> Outcome:
-    """Solve one scenario; a scenario without a solution is an outcome, not an error."""
+    """Solve one scenario.  If it has no solution, the outcome has the reason, and no error is
+    raised.
+    """
     try:
         request = PlanRequest(**with_drone_file(values, folder))
         if request.searches:
@@ -141,7 +143,7 @@ def solve_row(
             inputs,
             memo=memo,
             count_required="samples_required" in results,
-            seek_remedy=False,  # rows have no hints
+            seek_remedy=False,  # The result has no column for hints.
         )
         found = _results(solved, *_flight(solved))
         if inputs.find is not None and not set(DETECTION).isdisjoint(results):
@@ -154,10 +156,10 @@ def solve_row(
 
 
 def scene_for(request: PlanRequest, folder: str) -> LoadedScene:
-    """The scene of a request, read once for all rows that have the same scene."""
+    """The scene of a request.  It is read once for all rows with the same scene."""
     key = (folder, *(getattr(request, name) for name in SCENE))
     found = _scenes.get(key)
-    if found is None:  # two threads may read the same scene
+    if found is None:  # Two threads may have read the same scene.
         if len(_scenes) >= MOST_SCENES:
             _scenes.clear()
         found = load_scene(request, folder=folder)
@@ -179,7 +181,9 @@ def forget_scenes() -> None:
 
 
 def _results(solved: SolvedPlan, length_m: float, time_s: float) -> dict[str, float]:
-    """The numbers of a solved plan by the names of `RESULTS`; nan if a number does not exist."""
+    """The numbers of a solved plan, with the names in `RESULTS`.  A number that does not exist is
+    nan.
+    """
     inputs, solution, rule = solved.inputs, solved.solution, solved.coverage
     pattern, baseline, shown = solution.pattern, solution.baseline_m, solution.prediction
     camera, altitude = inputs.camera, inputs.altitude_m
@@ -242,12 +246,12 @@ def _flight(solved: SolvedPlan) -> tuple[float, float]:
         timing, _ = timing_at_baseline(inputs.flight, inputs.heading_deg, baseline)
         return path.length_m(baseline), path.time_s(baseline, timing)
     route = route_of(inputs, layout_of(solved), baseline)
-    list(ways_in_zones(inputs, route))  # raises if a line passes through a zone
+    list(ways_in_zones(inputs, route))  # This raises an error if a line passes through a zone.
     return route.length_m, route.time_s
 
 
 def _is_plain(inputs: PlanInputs) -> bool:
-    """Whether a flight only consists of the pattern, with a stop at every site."""
+    """Whether a flight consists only of the pattern, with a stop at every site."""
     flight = inputs.flight
     extras = (
         inputs.area,

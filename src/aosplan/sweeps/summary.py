@@ -1,10 +1,10 @@
 """Summary of the results of a sweep, computed while it runs, without storing rows.
 
-Each part is summarised by itself, and the summaries are added.  The addition is exact, so the
+Each part is summarised separately, and the summaries are added.  The addition is exact, so that the
 result does not depend on the order and size of the parts.  Counts are integers.  Sums are also
 integers, in units of the smallest float (`exact_sum`).  An extreme is a value and the first row
-that has it.  Medians are computed from counts in fixed bins, as in HdrHistogram; they are called
-approximate and have a relative error of at most `MEDIAN_ERROR`.
+that has this value.  Medians are computed from counts in fixed bins, as in HdrHistogram.  They are
+approximate, with a relative error of at most `MEDIAN_ERROR`.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ if TYPE_CHECKING:
     from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable
 
 MOST_REASONS = 100
-"""Largest number of kinds of reasons; the first ones in alphabetical order are kept."""
+"""Largest number of kinds of reasons; the first in alphabetical order are kept."""
 
 BITS = 8
-"""Number of leading bits of a float's fraction that its bin keeps."""
+"""Number of leading bits of a float's fraction that determine its bin."""
 
 MOST_BINS = 1 << 14
-"""Largest range of bins that is counted as an array; otherwise only the occupied bins are counted."""
+"""Largest range of bins that is counted in an array."""
 
 MEDIAN_ERROR = 2.0 ** -(BITS + 1)
-"""Relative error of an approximate median; integers below 512 are exact."""
+"""Largest relative error of an approximate median; integers below 512 are exact."""
 
 _SMALLEST = 1074
 """Every float is a multiple of 2 ** -1074."""
@@ -55,7 +55,7 @@ Extreme = tuple[float, int]
 
 
 class ResultSummary(NamedTuple):
-    """A result over the kept rows: number of rows that have it, sum, and extremes."""
+    """One result over the kept rows: number of rows that have it, sum, and extremes."""
 
     known: int = 0
     total: int = 0
@@ -63,7 +63,7 @@ class ResultSummary(NamedTuple):
     most: Extreme | None = None
 
     def __add__(self, other: object) -> ResultSummary:
-        """The column over the rows of both."""
+        """The summary over the rows of both."""
         assert isinstance(other, ResultSummary)
         return ResultSummary(
             self.known + other.known,
@@ -74,7 +74,7 @@ class ResultSummary(NamedTuple):
 
     @property
     def mean(self) -> float | None:
-        """The mean, correctly rounded."""
+        """The correctly rounded mean."""
         return float(Fraction(self.total, self.known << _SMALLEST)) if self.known else None
 
 
@@ -83,7 +83,7 @@ def _downwards(extreme: Extreme) -> tuple[float, int]:
 
 
 class GroupSummary(NamedTuple):
-    """Scenarios with one value of an input: counts (all, kept, solved), best value, and its bins."""
+    """Scenarios with one value of an input: counts, best value and bins of the objective."""
 
     scenarios: int = 0
     rows: int = 0
@@ -92,7 +92,7 @@ class GroupSummary(NamedTuple):
     bins: Mapping[int, int] = {}
 
     def joined(self, other: GroupSummary, *, most: bool) -> GroupSummary:
-        """The group over the scenarios of both."""
+        """The summary over the scenarios of both groups."""
         found = [best for best in (self.best, other.best) if best is not None]
         return GroupSummary(
             self.scenarios + other.scenarios,
@@ -108,7 +108,7 @@ def _added(first: Mapping[Any, int], second: Mapping[Any, int]) -> dict[Any, int
 
 
 class Reason(NamedTuple):
-    """A kind of reason: number of scenarios, and the first of them."""
+    """A kind of reason: the number of its scenarios, and the first of these scenarios."""
 
     scenarios: int
     row: int
@@ -144,8 +144,7 @@ class Summary(NamedTuple):
             self.scenarios + other.scenarios,
             self.rows + other.rows,
             _added(self.statuses, other.statuses),
-            # A kind that was dropped once stays dropped, because `MOST_REASONS` kinds come before
-            # it.
+            # A kind that was dropped cannot be kept later: `MOST_REASONS` kinds precede it.
             dict(sorted(reasons.items())[:MOST_REASONS]),
             {name: self.columns[name] + other.columns[name] for name in self.columns},
             tuple(
@@ -155,7 +154,7 @@ class Summary(NamedTuple):
         )
 
     def state(self) -> list[Any]:
-        """The summary as plain values, for a file."""
+        """The summary as plain values, to be stored in a file."""
         groups = [[[*group[:4], [*group.bins.items()]] for group in parts] for parts in self.groups]
         reasons = [[*kind, *reason] for kind, reason in self.reasons.items()]
         return [self.scenarios, self.rows, self.statuses, reasons, self.columns, groups]
@@ -181,7 +180,7 @@ class Summary(NamedTuple):
 
 
 def empty(grouping: Grouping, results: Sequence[str]) -> Summary:
-    """The summary of no scenarios, to which others are added."""
+    """A summary without scenarios, to which other summaries are added."""
     groups = tuple((GroupSummary(),) * groups.size for groups in grouping.groups)
     return Summary(
         0, 0, dict.fromkeys(STATUSES, 0), {}, dict.fromkeys(results, ResultSummary()), groups
@@ -202,7 +201,7 @@ def summarised(
     grouping
         Groups of the summary.
     results
-        Results to summarise, columns of the frame.
+        Results to summarise.  They are columns of the frame.
     block, frame
         The scenarios, and one row for each of them.
     kept
@@ -252,20 +251,21 @@ def exact_sum(values: NDArray[Any]) -> int:
     Parameters
     ----------
     values
-        At least one finite number; absolute values below 1e280.
+        At least one finite number.  Absolute values are below 1e280.
 
     Notes
     -----
-    The leading bits of all numbers are summed without rounding error, then those of the remainders,
-    until the remainders are zero: Rump, Ogita and Oishi, "Accurate floating-point summation part
-    I", SIAM J. Sci. Comput. 31 (2008), algorithm 3.2 (ExtractVector).
+    The leading bits of all numbers are summed without rounding error.  The same is done with the
+    remainders, until all remainders are zero.  Source: Rump, Ogita and Oishi, "Accurate
+    floating-point summation part I", SIAM J.  Sci.  Comput. 31 (2008), algorithm 3.2
+    (ExtractVector).
     """
     if values.dtype.kind in "iu":
-        # The two halves of integers below 2 ** 53 have sums below 2 ** 63 within a part.
+        # The sums of the upper and lower halves of the integers of a part are below 2 ** 63.
         high, low = values >> 32, values & 0xFFFFFFFF
         return ((int(high.sum()) << 32) + int(low.sum())) << _SMALLEST
     total, rest = 0, values
-    # The remainder of each number is at most half a unit in the last place of `around`.
+    # The absolute value of each remainder is at most half a unit in the last place of `around`.
     room = 2.0 ** (len(values) + 1).bit_length()
     around = room * 2.0 ** math.frexp(max(float(values.max()), -float(values.min())))[1]
     while rest.any():
@@ -327,7 +327,7 @@ def _grouped(
     size = len(rated.distinct)
     table = np.bincount(own * size + rated.bins, minlength=groups.size * size)
     table = table.reshape(groups.size, size)
-    # Bins are ordered like their values, so the best value is in the last or first occupied bin.
+    # Bins have the order of their values. The best is in the last or first occupied bin.
     last = size - 1 - (table[:, ::-1] > 0).argmax(axis=1) if most else (table > 0).argmax(axis=1)
     nearest = np.flatnonzero(rated.bins == last[own])
     best = np.full(groups.size, -math.inf if most else math.inf)
@@ -342,14 +342,18 @@ def _grouped(
 
 
 def bins_of(values: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Bin of each number, in the same order: its sign, exponent and first `BITS` of its fraction."""
+    """Bin of each number.
+
+    The bin consists of the sign, the exponent and the first `BITS` bits of the fraction.  Bins have
+    the same order as the numbers.
+    """
     bits = (values + 0.0).view(np.int64)
     magnitude = (bits & np.int64(2**63 - 1)) >> (52 - BITS)
     return np.where(bits < 0, -magnitude, magnitude)
 
 
 def value_of(at: int, *, whole: bool) -> float:
-    """The middle of a bin; for whole numbers, rounded down."""
+    """The middle of a bin.  For whole numbers, it is rounded down."""
     edges = np.array([abs(at), abs(at) + 1], dtype=np.int64) << (52 - BITS)
     low, high = edges.view(np.float64).tolist()
     middle = math.copysign(low + (high - low) / 2.0, at) if at else 0.0
@@ -431,12 +435,12 @@ def _shown(
 
 
 def _own(name: str, value: float | None) -> float | None:
-    """A value in the type of its result, because columns with gaps store integers as floats."""
+    """A value in the type of its result; columns with missing values store integers as floats."""
     return int(value) if value is not None and name in WHOLE else value
 
 
 def _median(bins: Mapping[int, int], *, whole: bool) -> float | None:
-    """The median; of an even number of values, the lower of the two middle ones."""
+    """The median; for an even number of values, the lower of the two middle values."""
     left = (sum(bins.values()) + 1) // 2
     for at, count in sorted(bins.items()):
         left -= count
@@ -452,7 +456,7 @@ class Aggregates(NamedTuple):
     draw: RowSample
 
     def state(self) -> list[Any]:
-        """Both as plain values, for a file."""
+        """Summary and sample as plain values, to be stored in a file."""
         return [self.summary.state(), self.draw.state()]
 
     @classmethod
@@ -462,13 +466,13 @@ class Aggregates(NamedTuple):
 
 
 class AggregationPlan(NamedTuple):
-    """What to compute for a sweep: a summary, and a sample of rows to simulate, if requested."""
+    """The aggregates to compute: a summary and, if requested, a sample of rows to simulate."""
 
     grouping: Grouping
     drawing: SamplingPlan | None = None
 
     def nothing(self, results: Sequence[str]) -> Aggregates:
-        """The result for no part."""
+        """The aggregates of no part."""
         return Aggregates(empty(self.grouping, results), RowSample())
 
     def of(
@@ -478,16 +482,14 @@ class AggregationPlan(NamedTuple):
         frame: pl.DataFrame,
         kept: NDArray[np.intp],
     ) -> Aggregates:
-        """The result for one part: a block, one row for each of its scenarios, and indices of kept
-        rows.
-        """
+        """The aggregates of one part: a block, one row per scenario, and indices of kept rows."""
         return Aggregates(
             summarised(self.grouping, results, block, frame, kept),
             RowSample() if self.drawing is None else draw_rows(self.drawing, block, frame, kept),
         )
 
     def joined(self, first: Aggregates, second: Aggregates) -> Aggregates:
-        """The result for the parts of both."""
+        """The aggregates of the parts of both."""
         rows = 0 if self.drawing is None else self.drawing.rows
         return Aggregates(
             first.summary.joined(second.summary, most=self.grouping.most),

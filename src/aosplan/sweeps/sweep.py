@@ -1,4 +1,4 @@
-"""A sweep: its scenarios, its results, and conditions for the rows to keep."""
+"""A sweep: its scenarios, its results, and conditions that select the rows to keep."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ OF_SEVERAL_ROWS = re.compile(
 class Sweep(NamedTuple):
     """The scenarios of a sweep, and the rows to keep.
 
-    `where` is an SQL condition on the columns of the result.  `best` is a column; in each group of
-    rows with the same values of `per`, the row with the largest value is kept, or with the smallest
-    value if the name starts with a minus.
+    `where` is an SQL condition on the columns of the result.  `best` is a column.  In each group of
+    rows with the same values of `per`, only the row with the largest value of this column is kept.
+    If the name starts with a minus, it is the row with the smallest value.
     """
 
     scenarios: ScenarioProduct | ScenarioTable
@@ -57,7 +57,7 @@ class Sweep(NamedTuple):
         return [*map(input_column, self.scenarios.names), *self.results, "status", "reason"]
 
     def fingerprint(self) -> str:
-        """A checksum that differs if any row might differ."""
+        """A checksum of everything on which the rows depend."""
         versions = __version__, np.__version__, polars().__version__
         digest = hashlib.sha256(repr((versions, self[1:])).encode())
         for name, values in self.scenarios.values.items():
@@ -112,7 +112,9 @@ class Sweep(NamedTuple):
             ) from None
 
     def best_of(self, frame: pl.DataFrame) -> pl.DataFrame:
-        """The best row of each group, in the order of the rows; of several equal rows, the first."""
+        """The best row of each group, in the order of the rows.  If several rows are equally good,
+        it is the first of them.
+        """
         if self.best is None:
             return frame
         pl = polars()
@@ -129,14 +131,16 @@ class Sweep(NamedTuple):
 
 
 def _of_several_rows(where: str) -> str:
-    """The first keyword of a condition that depends on the other rows of a part; empty if none."""
+    """The first keyword of a condition whose result depends on other rows; empty if there is no
+    such keyword.
+    """
     code = re.sub(r"'(?:[^']|'')*'|\"(?:[^\"]|\"\")*\"", "''", where)
     found = OF_SEVERAL_ROWS.search(code)
     return "" if found is None else found[0].rstrip("( \t\n").upper()
 
 
 def check(sweep: Sweep) -> None:
-    """Refuse conditions on columns that the result does not have, and clear what was read from
+    """Refuse conditions on columns that the result does not have, and clear stored content of
     files.
 
     Raises

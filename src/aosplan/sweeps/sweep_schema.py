@@ -20,7 +20,9 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class ScenarioDocument(OpenDocument):
-    """A scenario by its index; `request` has the options of `aosplan plan` that solve it again."""
+    """A scenario with its index.  `request` has the options with which `aosplan plan` solves it
+    again.
+    """
 
     row: Row
     request: dict[str, Any]
@@ -33,7 +35,7 @@ class ExtremeDocument(ScenarioDocument):
 
 
 class ResultDocument(OpenDocument):
-    """A result over the kept rows with a plan; the mean is correctly rounded."""
+    """Summary of a result over the kept rows with a plan.  The mean is correctly rounded."""
 
     count: int
     mean: Finite | None
@@ -48,7 +50,7 @@ class FirstDocument(ScenarioDocument):
 
 
 class ReasonDocument(OpenDocument):
-    """Why scenarios have no plan: one sentence, with # instead of its numbers."""
+    """A kind of reason why scenarios have no plan: a sentence with # in place of its numbers."""
 
     status: Literal["infeasible", "invalid"]
     reason: str
@@ -57,10 +59,11 @@ class ReasonDocument(OpenDocument):
 
 
 class GroupDocument(OpenDocument):
-    """Scenarios with one `value` of an input, with numbers from `first` to `last`, or all others.
+    """Summary of the scenarios with one `value` of an input, with numbers from `first` to `last`,
+    or with all other values.
 
-    `rows` is the number of kept rows, `met` the number of those with a plan, and `met_share` the
-    share of these.
+    `rows` is the number of kept rows.  `met` is the number of kept rows with a plan, and
+    `met_share` is their share.
     """
 
     value: Any = None
@@ -83,7 +86,7 @@ class InputDocument(OpenDocument):
 
 
 class ObjectiveDocument(OpenDocument):
-    """The result whose best values are shown for each input, and the error of its medians."""
+    """The result whose best values are given for each input, and the error of its medians."""
 
     column: str
     best: Literal["least", "most"]
@@ -91,8 +94,8 @@ class ObjectiveDocument(OpenDocument):
 
 
 class StatusesDocument(OpenDocument):
-    """Numbers of scenarios with a plan, without one that meets the target, and with a wrong
-    request.
+    """Numbers of scenarios with a plan (`ok`), without a plan that meets the target (`infeasible`),
+    and with a request that is not valid (`invalid`).
     """
 
     ok: int
@@ -101,11 +104,11 @@ class StatusesDocument(OpenDocument):
 
 
 class ComparisonsDocument(OpenDocument):
-    """A quantity: simulated minus predicted value.
+    """Simulated minus predicted value of a quantity.
 
-    `beyond` is the difference in excess of the experiment's systematic error, in standard errors.
-    `chance` is the probability of such a difference or a larger one.  Null if there is no
-    variation.
+    `beyond` is the difference minus the systematic error of the experiment, in standard errors.
+    `chance` is the probability of at least such a difference.  They are null if the samples do not
+    vary.
     """
 
     quantity: Literal["density", "expected", "normalized"]
@@ -122,7 +125,9 @@ class PlacedComparisonDocument(ComparisonsDocument):
 
 
 class WorstDocument(PlacedComparisonDocument):
-    """The least probable comparison; `chance_of_worst` is its probability among all (Šidák)."""
+    """The least probable comparison.  `chance_of_worst` is the probability that the worst of all
+    comparisons is at least this improbable (Šidák).
+    """
 
     chance_of_worst: Share
 
@@ -148,9 +153,9 @@ class CheckedRowDocument(ScenarioDocument):
 class VerificationDocument(OpenDocument):
     """A sample of rows with their simulations.
 
-    If all rows agree, the worst comparison exceeds `expected_worst` standard errors with
-    probability one half, and `critical` with probability `level`.  Rows are reported to agree if
-    its probability is at least `level`.
+    If predictions and simulations of all rows agree, the worst comparison exceeds `expected_worst`
+    standard errors with probability 1/2, and `critical` standard errors with probability `level`.
+    Rows are reported to agree if the probability of the worst comparison is at least `level`.
     """
 
     seed: int

@@ -1,6 +1,7 @@
-"""The user's own defaults for scenarios, applied as `aosplan plan` applies them to a request file.
+"""The user's own defaults for scenarios.  They are applied in the same way as `aosplan plan`
+applies them to a request file.
 
-A scenario overrides the defaults, and also removes those that it contradicts.  For example, a
+A scenario overrides the defaults, and also removes defaults that it contradicts.  For example, a
 ``gsd`` removes the default altitude, and a ``drone`` removes the default camera and speeds.
 """
 
@@ -21,27 +22,30 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DECIDING = ("grid", "trigger")
-"""Options whose value determines which others apply; for other options, being given is enough."""
+"""Options whose value determines which other options apply.  For all other options, it matters only
+whether they are given.
+"""
 
 
 def with_defaults(
     scenarios: ScenarioProduct | ScenarioTable, own: Mapping[str, Any], where: str, folder: str = ""
 ) -> ScenarioProduct | ScenarioTable:
-    """The scenarios with the user's own defaults, as far as each scenario does not contradict them.
+    """The scenarios with the user's own defaults.  Each scenario gets only the defaults that it
+    does not contradict.
 
     Parameters
     ----------
     scenarios
         The scenarios.
     own, where
-        Defaults by option, and the file that they come from.
-    folder
-        Folder in which file names of the scenarios are looked for first.
+        Defaults by option, and the file of these defaults. folder Folder in which files of the
+        scenarios are looked for first.
 
     Raises
     ------
     RequestError
-        If the defaults contradict each other, or if one applies to only some values of a crossing.
+        If the defaults contradict each other, or if a default applies to only some values of a
+        crossing.
     """
     if isinstance(scenarios, ScenarioTable):
         filled = _filled(scenarios.values, own, where)
@@ -67,14 +71,15 @@ def with_defaults(
 def _filled(
     values: Mapping[str, NDArray[Any]], own: Mapping[str, Any], where: str
 ) -> dict[str, NDArray[Any]]:
-    """Columns of a table, with the defaults in rows that give no value."""
+    """Columns of a table, in which missing values are replaced by the defaults."""
     given = {
         name: np.array([value is not None for value in column.flat])
         for name, column in values.items()
         if column.dtype == object
     }
     rows = len(next(iter(values.values())))
-    # Rows are alike if they give the same options, and the same values of those in `DECIDING`.
+    # Rows are alike if they give the same options, and the same values for the options in
+    # `DECIDING`.
     alike = np.zeros(rows, dtype=np.int64)
     for name, hole in given.items():
         kinds = list(dict.fromkeys(values[name].flat)) if name in DECIDING else []

@@ -1,16 +1,8 @@
 """Verification of a sweep: a sample of its rows is simulated.
 
-**Sample.**  It is drawn while the sweep runs, from the kept rows with a plan.  For each input with
-several values, it has a row with the smallest value, one with the largest, and one for each text
-value.  The remaining rows are chosen at random.  Each row has a random priority that depends only
-on its index and the seed, so the sample depends only on the sweep and the seed.
+**Sample.**  The sample is drawn while the sweep runs, from the kept rows with a plan. For each input with several values, it has a row with the smallest value, a row with the largest value, and a row for each text value. The remaining rows are chosen at random. Each row has a random priority that depends only on its index and the seed. The sample therefore depends only on the sweep and the seed.
 
-**Test.**  The worst of many comparisons is tested, which may be large by chance.  A comparison is
-the difference between a prediction and its simulation, minus the experiment's systematic error,
-divided by the standard error.  Its chance is the probability of a value at least as large in
-Student's distribution, with one degree of freedom less than the experiment has samples.  The worst
-of n comparisons has the chance 1 - (1 - chance)ⁿ (Šidák 1967; an upper bound if comparisons depend
-on each other).  The rows disagree if this is below `LEVEL`.
+**Test.**  The test uses the worst of all comparisons. With many comparisons, the worst one may be large by chance. A comparison is the difference between a prediction and its simulation, minus the systematic error of the experiment, divided by the standard error. Its chance is the probability of a value that is at least as large, by Student's distribution. The distribution has one degree of freedom less than the experiment has samples. The worst of n comparisons has the chance 1 - (1 - chance)ⁿ (Šidák 1967; an upper bound if comparisons depend on each other). The rows disagree if the chance of the worst comparison is below `LEVEL`.
 """
 
 from __future__ import annotations
@@ -46,7 +38,7 @@ MOST_ROWS = 10_000
 """Largest number of rows that is simulated."""
 
 LEVEL = 0.01
-"""Chance of the worst comparison below which rows disagree."""
+"""If the chance of the worst comparison is smaller than this, the rows disagree."""
 
 LARGEST_SEED = 2**63 - 1
 
@@ -55,7 +47,7 @@ Drawn = tuple[float, int, int]
 
 
 class SamplingPlan(NamedTuple):
-    """How many rows to draw, the random seed, and the inputs whose extremes are to be included."""
+    """Number of rows to draw, the random seed, and the inputs whose extremes are included."""
 
     rows: int
     seed: int
@@ -63,7 +55,7 @@ class SamplingPlan(NamedTuple):
 
 
 class RowSample(NamedTuple):
-    """Rows drawn from some scenarios: random rows, and the best row for each stratum."""
+    """Rows that were drawn from some scenarios: random rows, and the best row for each stratum."""
 
     random: tuple[tuple[int, int], ...] = ()
     strata: Mapping[str, Drawn] = {}
@@ -76,7 +68,7 @@ class RowSample(NamedTuple):
         return RowSample(tuple(sorted({*self.random, *other.random})[:rows]), strata)
 
     def state(self) -> list[Any]:
-        """The draw as plain values, for a file."""
+        """The rows as plain values, to be stored in a file."""
         return [self.random, self.strata]
 
     @classmethod
@@ -89,7 +81,7 @@ class RowSample(NamedTuple):
 def draw_rows(
     drawing: SamplingPlan, block: Block, frame: pl.DataFrame, kept: NDArray[np.intp]
 ) -> RowSample:
-    """Draw rows from one block, for which `frame` has one row per scenario."""
+    """Draw rows from one block.  `frame` has one row per scenario of the block."""
     status = frame.get_column("status").to_physical().to_numpy()
     met = kept[status[kept] == 0]
     if not len(met):
@@ -126,7 +118,9 @@ def strata_of(groups: Iterable[InputGroups]) -> list[str]:
 
 
 def _strata(groups: InputGroups, values: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
-    """Distance of each row from each stratum of an input; infinite if the value is of another type."""
+    """Distance of each row from each stratum of an input.  It is infinite if the value has another
+    type.
+    """
     places = groups.places(values)
     if groups.numbers:
         numbers = places < len(groups.numbers)
@@ -139,12 +133,12 @@ def _strata(groups: InputGroups, values: NDArray[Any]) -> Iterator[NDArray[np.fl
 
 
 def priorities_of(rows: NDArray[np.int64], seed: int) -> NDArray[np.int64]:
-    """Random numbers from 0 to 2⁶³ - 1, determined by the row of a sweep and the seed.
+    """Random numbers from 0 to 2⁶³ - 1.  They depend only on the row of a sweep and the seed.
 
     Notes
     -----
-    The finalizer of SplitMix64, applied twice: Steele, Lea and Flood, "Fast splittable pseudorandom
-    number generators", OOPSLA 2014.
+    The finalizer of SplitMix64 is applied twice: Steele, Lea and Flood, "Fast splittable
+    pseudorandom number generators", OOPSLA 2014.
     """
     mixed = _mix(np.array([seed], dtype=np.uint64)) + rows.astype(np.uint64)
     return (_mix(_mix(mixed)) >> np.uint64(1)).astype(np.int64)
@@ -158,14 +152,16 @@ def _mix(z: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 class SampledRow(NamedTuple):
-    """A row to simulate, and the strata for which it was drawn; none if it was drawn at random."""
+    """A row to simulate, and the strata for which it was drawn.  There are no strata if it was
+    drawn at random.
+    """
 
     row: int
     strata: tuple[str, ...]
 
 
 def sample(draw: RowSample, drawing: SamplingPlan) -> list[SampledRow]:
-    """The rows of a draw in order: first one for each stratum, then random rows."""
+    """The drawn rows in order: first one row for each stratum, then random rows."""
     rows = drawing.rows
     chosen: dict[int, list[str]] = {}
     for name in filter(draw.strata.__contains__, strata_of(drawing.groups)):
@@ -181,8 +177,8 @@ def sample(draw: RowSample, drawing: SamplingPlan) -> list[SampledRow]:
 class Comparison(NamedTuple):
     """Comparison of one prediction with its simulation.
 
-    `beyond` is the difference in excess of the experiment's systematic error, in standard errors.
-    `chance` is the probability of such a difference or a larger one.
+    `beyond` is the difference minus the systematic error of the experiment, in standard errors.
+    `chance` is the probability of at least such a difference.
     """
 
     row: int
@@ -194,7 +190,7 @@ class Comparison(NamedTuple):
 
 
 class Check(NamedTuple):
-    """The simulation of a row, or the reason why there is none."""
+    """The simulation of a row, or the reason why it was not simulated."""
 
     chosen: SampledRow
     request: dict[str, Any]
@@ -214,10 +210,10 @@ class Check(NamedTuple):
             if not (math.isfinite(value) and math.isfinite(error)):
                 continue
             difference = value - float(getattr(predicted, name))
-            # Differences due to rounding and to voxels are not counted.
+            # Differences because of rounding and because of voxels are subtracted.
             excess = max(abs(difference) - self.simulation.tolerance[name] - 1e-9, 0.0)
             if error == 0.0 and excess == 0.0:
-                continue  # nothing is hidden, or everything is
+                continue  # Nothing is hidden, or everything is hidden.
             beyond = excess / error if error else math.inf
             yield Comparison(
                 self.chosen.row,
@@ -244,15 +240,15 @@ def chance_of_worst(chance: float, comparisons: int) -> float:
 
 
 def worst_expected(comparisons: int, chance: float = 0.5) -> float:
-    """Standard errors that the worst of several comparisons exceeds with a given chance, if all
-    agree.
+    """Number of standard errors that the worst of several comparisons exceeds with a given
+    probability, if all predictions are correct.
 
     Parameters
     ----------
     comparisons
         Number of comparisons, at least one.
     chance
-        Probability; the default of one half gives the median of the worst.
+        Probability.  The default of 1/2 gives the median of the worst comparison.
     """
     from statistics import NormalDist
 
@@ -282,7 +278,7 @@ class Verification(NamedTuple):
 
     @property
     def agree(self) -> bool | None:
-        """Whether the worst comparison can be due to chance; None if nothing was compared."""
+        """Whether the worst comparison can be explained by chance; None without comparisons."""
         worst = self.worst
         return worst and chance_of_worst(worst.chance, len(self.comparisons)) >= LEVEL
 
@@ -310,7 +306,7 @@ class Verification(NamedTuple):
 def _comparison(found: Comparison) -> dict[str, Any]:
     values = found._asdict() | {"row": found.row + 1}
     return {
-        name: None if value == math.inf else value  # without variation there is no standard error
+        name: None if value == math.inf else value  # Without variation, there is no standard error.
         for name, value in values.items()
     }
 
@@ -347,18 +343,16 @@ def verify(
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Verification:
-    """Simulate the rows of a draw and compare the results with their predictions.
+    """Simulate the drawn rows and compare the results with the predictions.
 
     Parameters
     ----------
     scenarios, draw, drawing
         The scenarios, the drawn rows, and the settings of the draw.
     settings
-        Settings of the simulation; the seed of a row is computed from their seed and its index.
-    folder
-        Folder in which file names of the scenarios are looked for first.
-    progress
-        Function that is called with the number of rows done and the total.
+        Settings of the simulation.  The seed of a row is computed from the seed of the settings and
+        the index of the row. folder Folder in which files of the scenarios are looked for first.
+        progress Function that is called with the number of finished rows and the total.
     """
     rows = sample(draw, drawing)
     checks = []
@@ -388,7 +382,9 @@ def _checked(
 
 
 def _view(request: PlanRequest, planned: Plan) -> ViewKind:
-    """The requested view; by default perspective if all samples see some common ground."""
+    """The requested view.  The default is perspective if all samples see some common ground,
+    otherwise telecentric.
+    """
     if request.view is not None:
         return cast("ViewKind", request.view)
     return "perspective" if min(planned.common_footprint_m) > 0.0 else "telecentric"

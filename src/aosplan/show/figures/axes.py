@@ -1,4 +1,4 @@
-"""Figures on Matplotlib axes: those of the caller, or of a new pyplot figure."""
+"""Drawing of figures on Matplotlib axes of the caller, or on a new pyplot figure."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def axes_or_new(ax: Axes | None, size_in: tuple[float, float]) -> Axes:
 
 
 def plotted(kind: FigureKind, shown: FigureData, ax: Axes | None = None) -> Any:
-    """Draw on axes.
+    """Draw a figure on Matplotlib axes.
 
     Parameters
     ----------
@@ -79,6 +79,7 @@ def plotted(kind: FigureKind, shown: FigureData, ax: Axes | None = None) -> Any:
     with plt.rc_context(settings):
         figure = plt.figure(figsize=(width, width * kind.height), layout="constrained")
         kind.draw(figure, shown, look.theme)
-        figure.draw_without_rendering()  # ticks read their settings when they are first drawn
+        # Ticks read their settings when they are drawn for the first time.
+        figure.draw_without_rendering()
     panels = [panel for panel in figure.axes if panel.get_label() != "<colorbar>"]
     return panels[0] if len(panels) == 1 else np.array(panels)

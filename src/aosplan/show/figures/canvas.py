@@ -1,4 +1,6 @@
-"""Figures as files: equal numbers give equal bytes, and the file contains the description."""
+"""Conversion of figures to files.  Equal numbers give equal bytes, and the file contains the
+description.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ EXTRA = "figures"
 FORMATS = (".png", ".svg", ".pdf")
 
 WIDTHS_MM = (140.0, 1000.0)
-"""Allowed widths; below the smallest there is no room beside the text."""
+"""Smallest and largest width.  In a narrower figure, there is no space beside the text."""
 
 DPIS = (50.0, 1200.0)
 MOST_PIXELS = 100_000_000
@@ -31,14 +33,14 @@ INCH_MM = 25.4
 
 
 class FigureStyle(NamedTuple):
-    """How a figure is drawn: colours, width, and pixels per inch for PNG."""
+    """Appearance of a figure: colours, width, and pixels per inch for PNG."""
 
     theme: Theme = LIGHT
     width_mm: float = 170.0
     dpi: float = 150.0
 
     def check(self) -> None:
-        """Refuse sizes that are too small, or too large to handle.
+        """Refuse sizes that are too small or too large.
 
         Raises
         ------
@@ -52,7 +54,7 @@ class FigureStyle(NamedTuple):
         ):
             if not least <= value <= most:
                 raise RequestError(f"{name} {value:g} is not from {least:g} to {most:g}")
-        pixels = (self.width_mm / INCH_MM * self.dpi) ** 2  # the tallest figure is square
+        pixels = (self.width_mm / INCH_MM * self.dpi) ** 2  # The tallest figure is a square.
         if pixels > MOST_PIXELS:
             raise RequestError(
                 f"--width-mm {self.width_mm:g} at --dpi {self.dpi:g} is a picture of more than "
@@ -67,7 +69,7 @@ def form_of(path: str) -> str:
     Raises
     ------
     RequestError
-        If it does not have one of the extensions `FORMATS`.
+        If the path does not have one of the extensions `FORMATS`.
     """
     ending = os.path.splitext(path)[1].lower()
     if ending not in FORMATS:
@@ -78,7 +80,7 @@ def form_of(path: str) -> str:
 
 
 def check_extra() -> None:
-    """Check that figures can be drawn, before work is done for them.
+    """Check that figures can be drawn, before any work for them.
 
     Raises
     ------
@@ -92,7 +94,7 @@ def check_extra() -> None:
 
 
 def drawn(kind: FigureKind, shown: FigureData, look: FigureStyle) -> Figure:
-    """The figure as a Matplotlib object; `rendered` makes a file of it."""
+    """The figure as a Matplotlib object.  `rendered` converts it to a file."""
     from matplotlib.figure import Figure
 
     width = look.width_mm / INCH_MM
@@ -104,7 +106,7 @@ def drawn(kind: FigureKind, shown: FigureData, look: FigureStyle) -> Figure:
 def rendered(
     kind: FigureKind, shown: FigureData, form: str, look: FigureStyle | None = None
 ) -> bytes:
-    """A figure as a file.
+    """The bytes of a file with a figure.
 
     Parameters
     ----------
@@ -125,9 +127,9 @@ def rendered(
 
     look = look or FigureStyle()
     file = io.BytesIO()
-    # A figure looks the same with any Matplotlib settings of the user.
+    # With this context, a figure does not depend on the Matplotlib settings of the user.
     with mpl.rc_context(), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about characters that no font has
+        warnings.simplefilter("ignore")  # The warnings are about characters that no font has.
         mpl.rcdefaults()
         settings: Any = mpl.rcParams
         settings.update(rules(look.theme))
@@ -138,7 +140,9 @@ def rendered(
 
 
 def _metadata(form: str, shown: FigureData) -> dict[str, Any]:
-    """Metadata with the title and the description, without anything that differs between runs."""
+    """Metadata with the title and the description.  They contain nothing that differs between
+    runs.
+    """
     title, text = printable(shown.title), printable(shown.description())
     if form == "png":
         return {"Title": title, "Description": text, "Software": None}
@@ -149,9 +153,10 @@ def _metadata(form: str, shown: FigureData) -> dict[str, Any]:
 
 
 def _with_words(svg: bytes, shown: FigureData) -> bytes:
-    """An SVG with a title and a description that screen readers read instead of the picture."""
+    """Add a title and a description to an SVG, which screen readers read instead of the picture."""
     title, text = escaped(shown.title), escaped(shown.description())
-    name = sha256(f"{title}\n{text}".encode()).hexdigest()[:8]  # several figures may be on one page
+    # The identifiers differ between figures, because a page may contain several figures.
+    name = sha256(f"{title}\n{text}".encode()).hexdigest()[:8]
     before, tag, after = svg.decode().partition("<svg ")
     attributes, close, rest = after.partition(">")
     role = f'role="img" aria-labelledby="title-{name} text-{name}" '

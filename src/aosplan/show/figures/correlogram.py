@@ -1,4 +1,6 @@
-"""Correlation of what two views hide, by the distance and direction between their cameras."""
+"""Figure of a correlogram: the correlation between the occlusion of two views, by distance and
+direction of their cameras.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +16,13 @@ if TYPE_CHECKING:
     from aosplan.show.figures.style import Theme
 
 SHOWN = 4
-"""Number of directions that get their own lines, evenly chosen."""
+"""Number of directions that are drawn as separate lines.  They are evenly spaced."""
 
 
 class CorrelogramFigure(NamedTuple):
-    """A correlogram: ρ for each direction and lag (camera offset divided by altitude)."""
+    """A correlogram: ρ for each direction and lag.  The lag is the camera offset divided by the
+    altitude.
+    """
 
     scene: str
     lags: tuple[float, ...]
@@ -28,7 +32,7 @@ class CorrelogramFigure(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         return f"Correlogram of {self.scene}"
 
     @property
@@ -37,7 +41,7 @@ class CorrelogramFigure(NamedTuple):
         return tuple(sum(column) / len(self.rho) for column in zip(*self.rho, strict=True))
 
     def description(self) -> str:
-        """Description of the table in words."""
+        """Description of the table as text."""
         mean = self.mean
         below = next((lag for lag, rho in zip(self.lags, mean, strict=True) if rho < 0.5), None)
         spread = [max(column) - min(column) for column in zip(*self.rho, strict=True)]
@@ -63,7 +67,7 @@ class CorrelogramFigure(NamedTuple):
 
 
 def correlations_of(found: LoadedScene) -> CorrelogramFigure:
-    """The correlogram of a scene, or that of its voxels.
+    """The correlogram of a scene.  It is read from the scene or computed from its voxels.
 
     Raises
     ------
@@ -90,7 +94,7 @@ def correlations_of(found: LoadedScene) -> CorrelogramFigure:
 
 
 def draw(figure: Figure, shown: CorrelogramFigure, theme: Theme) -> None:
-    """Draw lines for some directions within the range of all, and a map of all directions."""
+    """Draw lines for some directions, the range of all directions, and a map of all directions."""
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
     columns = list(zip(*shown.rho, strict=True))
     left.fill_between(

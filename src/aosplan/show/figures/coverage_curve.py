@@ -1,4 +1,6 @@
-"""Share of the occluders with d̂ >= 1, by baseline divided by altitude (Fig. 6b)."""
+"""Figure of the share of the occluders with d̂ >= 1, by baseline divided by altitude (Fig. 6b of
+the paper).
+"""
 
 from __future__ import annotations
 
@@ -18,15 +20,15 @@ if TYPE_CHECKING:
     from aosplan.show.figures.style import Theme
 
 SHARES = (0.5, 0.9)
-"""Shares whose baselines the description names, in addition to the requested one."""
+"""Shares whose baselines are in the description, in addition to the requested share."""
 
 
 class BaselineCurve(NamedTuple):
     """Knots of the curve: b/h, and the share of occluders with d̂ >= 1.
 
-    If the curve is `stepped`, as for layers at single heights, the share is constant from each knot
-    to the next; otherwise it is linear.  `ratio` is b/h for the requested share; None if no
-    baseline reaches it.
+    If the curve is `stepped`, the share is constant from each knot to the next.  This is the case
+    for layers at single heights.  Otherwise the share is linear between knots.  `ratio` is b/h for
+    the requested share; None if no baseline reaches this share.
     """
 
     scene: str
@@ -38,11 +40,11 @@ class BaselineCurve(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         return f"Occluders that neighbouring photos separate in {self.scene}"
 
     def description(self) -> str:
-        """Description of the curve in words."""
+        """Description of the curve as text."""
         text = f"{self.title}: the share with d̂ of at least 1 rises from {self.knots[0][1]:.3g} at "
         text += (
             f"b/h = {self.knots[0][0]:.3g} to {self.knots[-1][1]:.3g} at {self.knots[-1][0]:.3g}"
@@ -78,7 +80,7 @@ def curve_of(
         raise RequestError("no occluder is above the focal plane")
     knots = statistics_document(scene)["baseline_curve"]
     try:
-        # b/h does not depend on h, which only has to be above the canopy.
+        # b/h does not depend on h. Any h above the canopy can be used.
         h = 2.0 * scene.canopy_top_m
         ratio = coverage_baseline(scene.slabs(), h, math.inf, coverage).baseline_m / h
     except InfeasibleError:
@@ -94,7 +96,9 @@ def curve_of(
 
 
 def draw(figure: Figure, shown: BaselineCurve, theme: Theme) -> None:
-    """Draw the share over b/h on a logarithmic axis; with an altitude, also over b."""
+    """Draw the share over b/h on a logarithmic axis.  If there is an altitude, a second axis shows
+    b.
+    """
     draw_panel(figure.subplots(), shown, theme)
     entitle(figure, shown.title)
 
@@ -137,7 +141,7 @@ def draw_panel(panel: Axes, shown: BaselineCurve, theme: Theme) -> list[Any]:
     )
     logarithmic(panel.xaxis)
     if shown.altitude_m is not None:
-        altitude: Any = shown.altitude_m  # typed as Any because it multiplies arrays
+        altitude: Any = shown.altitude_m  # The type is Any, because the altitude multiplies arrays.
         top = panel.secondary_xaxis(
             "top", functions=(lambda ratio: altitude * ratio, lambda b: b / altitude)
         )

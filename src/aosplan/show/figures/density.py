@@ -1,4 +1,6 @@
-"""Density of occluders by height, and the share of the ground that they hide from above."""
+"""Figure of the density of occluders by height, and of the share of the ground that they hide from
+vertically above.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,13 @@ if TYPE_CHECKING:
 
 
 class DensityFigure(NamedTuple):
-    """Densities of layers from bottom to top, and the share of the ground hidden above each bottom.
+    """Densities of layers from bottom to top, and the share of the ground that is hidden by the
+    occluders above the bottom of each layer.
 
-    `independent` is the hidden share if the layers were independent.  `measured` is that of the
+    `independent` is this share if the layers are independent.  `measured` is this share in the
     voxels, or None without voxels.  `hidden_pulses` is the share of the laser pulses' energy that
-    does not reach the ground according to first, weighted and last returns, at the pulses' own
-    angles `pulses_zenith_deg`.  It is None if the opacity is not from pulses.
+    does not reach the ground, according to first, weighted and last returns.  It applies to the
+    angles of the pulses, `pulses_zenith_deg`.  It is None if the opacity is not from pulses.
     """
 
     scene: str
@@ -38,11 +41,11 @@ class DensityFigure(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         return f"Density by height of {self.scene}"
 
     def description(self) -> str:
-        """Description of the layers in words."""
+        """Description of the layers as text."""
         densest = max(range(len(self.density)), key=self.density.__getitem__)
         text = (
             f"{self.title}: {len(self.density)} layers from {self.bottom_m[0]:.3g} to "
@@ -68,7 +71,8 @@ class DensityFigure(NamedTuple):
 
 
 def density_of(found: LoadedScene) -> DensityFigure:
-    """Densities of a scene: of the slices of its voxels if it has voxels, otherwise of its layers.
+    """Densities of a scene.  If it has voxels, they are those of the slices of its voxels,
+    otherwise those of its layers.
 
     Raises
     ------
@@ -118,19 +122,20 @@ def _hidden_pulses(volume: VoxelVolume | None) -> tuple[float, float, float] | N
     opacity = None if volume is None else volume.opacity
     if opacity is None or opacity.gap_weighted is None:
         return None
-    assert opacity.gap_first is not None  # either all three are known or none
+    assert opacity.gap_first is not None  # Either all three values are known, or none is known.
     assert opacity.gap_last is not None
     return 1.0 - opacity.gap_first, 1.0 - opacity.gap_weighted, 1.0 - opacity.gap_last
 
 
 def _slanted(shown: DensityFigure) -> str:
-    assert shown.pulses_zenith_deg is not None  # opacity from pulses has their angles
+    # If the opacity is from pulses, the angles of the pulses are known.
+    assert shown.pulses_zenith_deg is not None
     low, high = shown.pulses_zenith_deg
     return f"pulses {low:.0f}° to {high:.0f}° off the vertical"
 
 
 def draw(figure: Figure, shown: DensityFigure, theme: Theme) -> None:
-    """Draw bars of densities, and beside them the share hidden from above, both over height."""
+    """Draw bars of densities by height, and beside them the hidden share by height."""
     left, right = figure.subplots(1, 2, sharey=True)
     heights = [top - bottom for bottom, top in zip(shown.bottom_m, shown.top_m, strict=True)]
     thin = len(heights) > 40

@@ -1,9 +1,10 @@
-"""Kinds of figures, one module each.
+"""The kinds of figures.
 
-Each module has a class of plain numbers with a title, a `description` (the text alternative of the
-figure) and a `document`; a function that creates it without Matplotlib; and `draw`, which draws it
-on a Matplotlib figure.  `aosplan.show.figures.style` has the colours, and
-`aosplan.show.figures.canvas` converts figures to the bytes of a PNG, SVG or PDF file.
+Each kind is a module with three parts: a class, a function that creates an object of this class
+without Matplotlib, and `draw`, which draws the object on a Matplotlib figure.  The class contains
+plain numbers.  It has a title, a `description` (the text alternative of the figure) and a
+`document`.  `aosplan.show.figures.style` has the colours, and `aosplan.show.figures.canvas`
+converts figures to the bytes of a PNG, SVG or PDF file.
 """
 
 from __future__ import annotations
@@ -22,17 +23,19 @@ class FigureData(Protocol):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
 
     def description(self) -> str:
-        """Description in words, for readers who cannot see the figure."""
+        """Description as text, for readers who cannot see the figure."""
 
     def document(self) -> dict[str, Any]:
-        """Its numbers as plain values."""
+        """The numbers as plain values."""
 
 
 class FigureKind(NamedTuple):
-    """A kind of figure: name, source of its numbers, module, and ratio of height to width."""
+    """A kind of figure: its name, the source of its numbers, its module, and the ratio of its
+    height to its width.
+    """
 
     name: str
     summary: str

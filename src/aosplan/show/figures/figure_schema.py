@@ -10,7 +10,9 @@ from aosplan.validation import OpenDocument
 
 
 class FigureDocument(OpenDocument):
-    """The document that `aosplan plot --json` prints: description and numbers of a figure."""
+    """The document that `aosplan plot --json` prints.  It has the description and the numbers of a
+    figure.
+    """
 
     schema_: Literal[1] = Field(alias="schema")
     version: str

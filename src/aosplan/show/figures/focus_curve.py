@@ -1,4 +1,4 @@
-"""Agreement of halves of a recording's views, by the height of the focal plane."""
+"""Figure of the agreement of halves of a recording's views, by the height of the focal plane."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class FocusCurve(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         return "Agreement of integrals from disjoint halves of the views"
 
     def description(self) -> str:
-        """Description of the curve in words."""
+        """Description of the curve as text."""
         return f"{self.title}: " + "; ".join(
             f"{name} at {place:.2f} m (± {deviation:.2g} m), agreement {value:.2f}"
             for name, place, value, deviation in self.peaks
@@ -49,7 +49,7 @@ class FocusCurve(NamedTuple):
 
 
 def draw(figure: Figure, shown: FocusCurve, theme: Theme) -> None:
-    """Draw agreement over height, with the peaks marked."""
+    """Draw agreement over height, and mark the peaks."""
     panel = figure.subplots()
     panel.plot(shown.heights_m, shown.agreement, color=theme.data[0])
     for index, (name, place, value, deviation) in enumerate(shown.peaks):

@@ -1,4 +1,4 @@
-"""Map of the waypoints of a plan, in flight order and to scale, with area, zones and footprints."""
+"""Map of the waypoints of a plan, to scale and in flight order, with area, zones and footprints."""
 
 from __future__ import annotations
 
@@ -30,10 +30,14 @@ DOTTED_MM = 1.6
 """Smallest spacing on paper for which each waypoint has a dot."""
 
 MOST_NUMBERS = 20
-"""Number of numbered waypoints if they are too close together for all."""
+"""Approximate number of waypoints that are numbered if waypoints are too close together to number
+all of them.
+"""
 
 MOST_NUMBERED = 400
-"""Largest number of waypoints for which more than the ends of flights are numbered."""
+"""Largest number of waypoints that are numbered.  If there are more waypoints, only the ends of
+flights are numbered.
+"""
 
 NARROWEST = 0.6
 """Smallest ratio of the shorter to the longer side of the map."""
@@ -44,9 +48,9 @@ STEPS = (1, 2, 5)
 class GridFigure(NamedTuple):
     """Waypoints and shapes, in metres east and north of the origin.
 
-    A polygon is a tuple of rings with the outer one first.  `footprint` is that of a photo at the
-    centre of the grid, or of the first photo of an area.  `common` is the ground that all photos
-    show.
+    A polygon is a tuple of rings.  Its outer ring is the first.  `footprint` is the footprint of a
+    photo at the centre of the grid, or that of the first photo over an area.  `common` is the
+    ground that all photos show.
     """
 
     scene: str
@@ -74,7 +78,7 @@ class GridFigure(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         over = "" if self.area_m2 is None else f" over {self.area_m2 / 1e4:.3g} ha"
         return f"{self.photos} photo{'s' if self.photos > 1 else ''}{over} for {self.scene}"
 
@@ -84,7 +88,7 @@ class GridFigure(NamedTuple):
         return max(self.east_m) - min(self.east_m), max(self.north_m) - min(self.north_m)
 
     def description(self) -> str:
-        """Description of the path and the shapes in words."""
+        """Description of the path and the shapes as text."""
         first, last = ((self.east_m[k], self.north_m[k]) for k in (0, -1))
         text = (
             f"{self.title}: a path of {self.length_m:.4g} m in {len(self.flights)} "
@@ -105,7 +109,9 @@ class GridFigure(NamedTuple):
         return f"{text}."
 
     def document(self) -> dict[str, Any]:
-        """The numbers as plain values, without the waypoints, which are in the plan's document."""
+        """The numbers as plain values.  The waypoints are left out, because they are in the
+        document of the plan.
+        """
         own = self._asdict()
         for name in ("east_m", "north_m", "photo", "area", "clear", "no_fly"):
             del own[name]
@@ -168,7 +174,7 @@ def grid_of(plan: Plan, area: Area | None = None) -> GridFigure:
 def _rectangle(
     size_m: tuple[float, float], heading_deg: float, middle: tuple[float, float]
 ) -> Ring:
-    """Corners of a rectangle; its first size is along the heading."""
+    """Corners of a rectangle.  The first number of its size is along the heading."""
     axis = heading_axis(heading_deg)
     corners = [turned(0.5 * sx * size_m[0], 0.5 * sy * size_m[1], axis) for sx, sy in CORNERS]
     return tuple((middle[0] + east, middle[1] + north) for east, north in corners)
@@ -191,7 +197,7 @@ def _polygons(shape: Any) -> tuple[Polygon, ...]:
 
 
 def nice_length_m(span_m: float) -> float:
-    """A round length of about a fifth of a span: 1, 2 or 5 times a power of ten."""
+    """A length of about a fifth of a span that is 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(0.25 * span_m))
     return max(step * power for step in STEPS if step * power <= 0.25 * span_m)
 
@@ -199,8 +205,8 @@ def nice_length_m(span_m: float) -> float:
 def numbered(flights: Sequence[tuple[int, int]], spacing_mm: float) -> list[int]:
     """Indices of the waypoints that are numbered, for a given spacing on paper.
 
-    All are numbered, or every n-th; if there are very many, only the first of each flight and the
-    last of all.
+    All waypoints are numbered, or every n-th one.  If there are very many, only the first waypoint
+    of each flight and the last waypoint are numbered.
     """
     count = flights[-1][1] + 1
     ends = {*(first for first, _ in flights), count - 1}
@@ -221,7 +227,7 @@ def draw(figure: Figure, shown: GridFigure, theme: Theme) -> None:
 
 
 def draw_panel(panel: Axes, shown: GridFigure, theme: Theme) -> list[Any]:
-    """Draw the map on one panel; return the handles of its legend."""
+    """Draw the map on one panel.  Returns the handles of its legend."""
     panel.set_aspect("equal")
     shapes = _shapes(shown, theme)
     for polygons, look in shapes.values():
@@ -231,10 +237,11 @@ def draw_panel(panel: Axes, shown: GridFigure, theme: Theme) -> list[Any]:
     span = max(high[0] - low[0], high[1] - low[1])
     panel.set_xlim(low[0], high[0])
     panel.set_ylim(low[1] - 0.1 * span, high[1])
-    # A subfigure has no size of its own except its bounding box.
+    # The size of a subfigure is known only from its bounding box.
     width, height = panel.figure.bbox.width, panel.figure.bbox.height
     shorter_in = float(min(width, height)) / panel.figure.dpi
-    # Axes beside other panels are smaller than the figure, and the layout is not final yet.
+    # Axes beside other panels are smaller than the figure. The factor is needed because the layout
+    # is not final yet.
     share = min(panel.get_position().width, panel.get_position().height) / 0.77
     paper_mm = 25.4 * 0.86 * min(share, 1.0) * shorter_in / span
     _ways(panel, shown, theme, paper_mm * _spacing_m(shown))
@@ -262,7 +269,7 @@ HOME: dict[str, Any] = {"ls": "", "marker": "P", "ms": 9, "zorder": 6}
 def _shapes(
     shown: GridFigure, theme: Theme
 ) -> dict[str, tuple[tuple[Polygon, ...], dict[str, Any]]]:
-    """Shapes that are drawn below the waypoints, by name, with their appearance."""
+    """Shapes that are drawn below the waypoints, each with its name and appearance."""
     common = () if shown.common is None else ((shown.common,),)
     shapes: dict[str, tuple[tuple[Polygon, ...], dict[str, Any]]] = {
         "area": (shown.area, {"fc": theme.shade, "ec": theme.text, "lw": 1.2}),
@@ -281,7 +288,7 @@ def _shapes(
 
 
 def _ways(panel: Axes, shown: GridFigure, theme: Theme, spacing_mm: float) -> None:
-    """Draw the path of each flight, and its waypoints as far as there is room."""
+    """Draw the path of each flight, and its waypoints if there is enough space."""
     from matplotlib.patheffects import withStroke
 
     halo = [withStroke(linewidth=2.0, foreground=theme.background)]
@@ -338,7 +345,7 @@ def _ways(panel: Axes, shown: GridFigure, theme: Theme, spacing_mm: float) -> No
 
 
 def flight_colour(theme: Theme, flight: int) -> str:
-    """Return the colour of a flight: flights on different batteries alternate between two."""
+    """Colour of a flight.  Consecutive flights alternate between two colours."""
     return theme.data[2 if flight % 2 else 0]
 
 
@@ -353,7 +360,7 @@ def _spacing_m(shown: GridFigure) -> float:
 
 
 def window(shown: GridFigure) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Lower and upper corner of everything that is drawn, with a margin."""
+    """Lower and upper corner of a rectangle around all drawn objects, with a margin."""
     rings = [shown.footprint, *(polygon[0] for polygon in (*shown.area, *shown.clear))]
     places = [point for ring in rings for point in ring]
     places += [shown.takeoff] if shown.takeoff is not None else []

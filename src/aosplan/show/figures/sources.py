@@ -1,4 +1,4 @@
-"""The numbers of a figure from a plan or a scene."""
+"""Computation of the numbers of a figure from a plan or a scene."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The common style of all figures: colours, lines, fonts.
 
-The lightness of the colours of data differs by at least `LEAST_STEP`, so that they can be
-distinguished in greyscale and by colour-blind readers.  Each also has its own line style and
-marker.
+The lightness of any two colours of data differs by at least `LEAST_STEP`.  The colours can
+therefore be distinguished in greyscale and by colour-blind readers.  Each colour also has its own
+line style and marker.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
 LEAST_CONTRAST = 3.0
-"""Smallest contrast of graphics to their background (WCAG 2.2, 1.4.11); for text it is 4.5."""
+"""Smallest contrast between graphics and their background (WCAG 2.2, 1.4.11).  For text, it is
+4.5.
+"""
 
 LEAST_STEP = 10.0
 """Smallest difference of lightness (CIE L*) between two colours of data."""
@@ -32,7 +34,7 @@ MARKERS = ("o", "s", "^", "D")
 class Theme(NamedTuple):
     """Colours for a background.
 
-    The colours in `data` can always be distinguished; `shade` is for areas behind them.
+    The colours in `data` can always be distinguished.  `shade` is for areas in the background.
     """
 
     name: str
@@ -118,7 +120,7 @@ def printable(text: str) -> str:
 
 
 def plain(text: str, longest: int = LONGEST) -> str:
-    """Text from a request or a file for a figure: shortened, and without mathematical markup."""
+    """Text from a request or a file, shortened and without mathematical markup, for a figure."""
     shown = printable(text)
     shown = shown if len(shown) <= longest else f"{shown[: longest - 1]}…"
     return shown.replace("$", r"\$")
@@ -130,7 +132,7 @@ def entitle(figure: Figure | SubFigure, title: str) -> None:
 
 
 def logarithmic(axis: Axis, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
-    """Label a logarithmic axis at these multiples in each decade, with plain numbers."""
+    """Label a logarithmic axis with plain numbers, at the given multiples in each decade."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     axis.set_major_locator(LogLocator(subs=steps))
@@ -141,6 +143,7 @@ def logarithmic(axis: Axis, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
 def legend_below(figure: Figure | SubFigure, handles: list[Any]) -> None:
     """Add a legend below a figure, with as many columns as fit."""
     longest = max(len(handle.get_label()) for handle in handles)
-    column = 4.4 * longest + 36.0  # points: 4.4 per character, 36 for the symbol
+    # Width in points: 4.4 for each character, and 36 for the symbol.
+    column = 4.4 * longest + 36.0
     room = 72.0 * figure.bbox.width / figure.dpi - 12.0
     figure.legend(handles=handles, loc="outside lower left", ncols=max(int(room / column), 1))

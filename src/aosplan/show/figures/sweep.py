@@ -1,6 +1,7 @@
-"""Figures of a sweep's results: two columns against each other, or a third one as a map over two.
+"""Figures of a sweep's results: a scatter plot of two columns, or a map of a third column over two
+columns.
 
-The table is streamed.  Only one number per drawn cell is kept in memory, for any number of rows.
+The table is streamed.  For any number of rows, only one number per drawn cell is kept in memory.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from aosplan.show.figures.style import Theme
 
 DEFAULT_X, DEFAULT_Y = "samples", "flight_time_s"
-"""Columns of the default figure, a trade-off."""
+"""Columns of the default figure, which shows a trade-off."""
 
 MORE_IS_BETTER = (
     "visibility_minimum",
@@ -38,13 +39,13 @@ MORE_IS_BETTER = (
     "visibility_effective_samples",
     "visibility_contrast",
 )
-"""Results of which larger values are better; of all others smaller values are."""
+"""Results for which larger values are better.  For all other results, smaller values are better."""
 
 BINS = (200, 150)
-"""Cells of a scatter along x and y; all rows in a cell are one point."""
+"""Number of cells of a scatter plot along x and y.  All rows in a cell are drawn as one point."""
 
 FEW = 500
-"""Largest number of points that are drawn large."""
+"""Largest number of points with which points are drawn large."""
 
 MOST_VALUES = 400
 """Largest number of different values along a side of a map."""
@@ -52,12 +53,14 @@ MOST_VALUES = 400
 MOST_TICKS = 12
 
 WIDE, WIDE_MAP = 30.0, 20.0
-"""Ratio of largest to smallest value above which an axis, or the colours of a map, are logarithmic."""
+"""If the ratio of the largest value to the smallest value is greater than this, an axis, or the
+colours of a map, are logarithmic.
+"""
 
 UNITS = {"_m": "m", "_s": "s", "_deg": "°", "_px": "px", "_mps": "m/s"}
 
 OPTION_UNITS = {"M": "m", "M|RANGE": "m", "S": "s", "DEG": "°", "M/S": "m/s", "MIN": "min"}
-"""Units of options by the placeholder of their value in the help."""
+"""Unit of an option, by the placeholder of its value in the help."""
 
 SYMBOLS = {
     "samples": "samples N",
@@ -73,9 +76,10 @@ SYMBOLS = {
 
 
 class ScatterFigure(NamedTuple):
-    """Two results against each other: one point for each cell that has rows, and the Pareto front.
+    """Scatter plot of two results: one point for each cell that has rows, and the Pareto front.
 
-    For a row on the front, no other row is at least as good in both results and better in one.
+    A row is on the front if no other row is at least as good in both results and better in one of
+    them.
     """
 
     x: str
@@ -87,11 +91,11 @@ class ScatterFigure(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         return f"{_word(self.y)} against {_word(self.x)} of {self.rows} scenarios"
 
     def description(self) -> str:
-        """Description of the front in words."""
+        """Description of the front as text."""
         few = (
             self.front
             if len(self.front) <= 5
@@ -107,7 +111,9 @@ class ScatterFigure(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """Scenarios with the same x and y: number, number with a plan, and mean value of these."""
+    """Scenarios with the same x and y: their number, the number of those with a plan, and the mean
+    value of those with a plan.
+    """
 
     rows: int
     met: int
@@ -115,7 +121,9 @@ class Cell(NamedTuple):
 
 
 class MapFigure(NamedTuple):
-    """A result over two columns: a cell for each pair of their values, None without scenarios."""
+    """Map of a result over two columns.  It has a cell for each pair of their values; the cell is
+    None if there are no scenarios.
+    """
 
     x: str
     y: str
@@ -128,12 +136,12 @@ class MapFigure(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         mean = "Mean " if any(cell and cell.rows > 1 for row in self.cells for cell in row) else ""
         return f"{mean}{_word(self.value)} by {_word(self.x)} and {_word(self.y)}"
 
     def description(self) -> str:
-        """Description of the extremes, and of where scenarios have no plan."""
+        """Description of the extremes, and of the scenarios without a plan."""
         text = (
             f"{self.title}: {len(self.x_values)} by {len(self.y_values)} cells of "
             f"{self.rows} scenarios, {self.rows - self.met} of which are infeasible"
@@ -172,7 +180,7 @@ def check_columns(
     Raises
     ------
     RequestError
-        If a name is unknown, or a map lacks one of its two columns.
+        If a name is unknown, or if one of the two columns of a map is not given.
     """
     if value is not None and (x is None or y is None):
         raise RequestError(f"{flags}value without {flags}x and {flags}y", "a map needs two columns")
@@ -194,14 +202,13 @@ def results_of(
     path
         A result of ``aosplan sweep``: .csv, .parquet or .jsonl, or a folder.
     x, y
-        Columns: results for a scatter, any columns for a map.
-    value
-        A result that is drawn as a map over x and y; None for a scatter.
+        Columns: results for a scatter plot, any columns for a map. value A result that is drawn as
+        a map over x and y; None for a scatter plot.
 
     Raises
     ------
     RequestError
-        If there is no such file or column, or a map would have too many cells.
+        If the file or a column does not exist, or if a map would have too many cells.
     """
     lazy = _scan(path)
     if "status" not in _collected(lazy.head(0)).columns:
@@ -212,11 +219,13 @@ def results_of(
 def frame_of(
     lazy: pl.LazyFrame, x: str | None = None, y: str | None = None, value: str | None = None
 ) -> ScatterFigure | MapFigure:
-    """The numbers of a figure of a sweep's rows; parameters and errors are those of `results_of`."""
+    """The numbers of a figure of a sweep's rows.  Parameters and errors are those of
+    `results_of`.
+    """
     check_columns(_collected(lazy.head(0)).columns, x, y, value)
     if value is None:
         return _scatter(lazy, x or DEFAULT_X, y or DEFAULT_Y)
-    assert x is not None  # the columns were checked
+    assert x is not None  # The columns have been checked.
     assert y is not None
     return _map(lazy, x, y, value)
 
@@ -233,17 +242,17 @@ def _scan(path: str) -> pl.LazyFrame:
             "results of a sweep have one of them",
         )
     check_input(path)
-    # Brackets in a file name must not be taken for a pattern.
+    # Brackets in a file name are escaped, because polars would read them as a pattern.
     return scans[ending](escape(path))  # type: ignore[no-any-return]
 
 
 def _collected(lazy: Any) -> Any:
-    """The rows of a query, which is streamed."""
+    """The rows of a query.  The query is streamed."""
     exceptions = polars().exceptions
     try:
         try:
             return lazy.collect(engine="streaming")
-        except (TypeError, ValueError):  # before polars 1.23
+        except (TypeError, ValueError):  # Versions of polars before 1.23 have another argument.
             return lazy.collect(streaming=True)
     except exceptions.PolarsError as error:
         raise RequestError(f"the results cannot be read: {str(error).splitlines()[0]}") from None
@@ -271,14 +280,17 @@ def _scatter(lazy: Any, x: str, y: str) -> ScatterFigure:
         for axis, (name, place) in enumerate((("x", "i"), ("y", "j")))
     ]
     binned = kept.with_columns(*places)
-    # The point of a cell is the corner of its rows, because a mean would depend on their order.
+    # The point of a cell is at the smallest x and y of its rows. A mean would depend on the order
+    # of the rows.
     points = _collected(binned.group_by("i", "j").agg(pl.min("x", "y"))).select("x", "y").rows()
     front = _front(binned, x in MORE_IS_BETTER, y in MORE_IS_BETTER)
     return ScatterFigure(x, y, total, met, tuple(sorted(points)), tuple(front))
 
 
 def _front(binned: Any, more_x: bool, more_y: bool) -> list[tuple[float, float]]:  # noqa: FBT001
-    """Rows that no other row is better than, found among the best of each bin, in order of x."""
+    """The rows of the Pareto front, in the order of x.  They are found among the best rows of each
+    bin.
+    """
     pl = polars()
     signs = [-1.0 if more else 1.0 for more in (more_x, more_y)]
     rated = binned.select("i", pl.col("x") * signs[0], pl.col("y") * signs[1])
@@ -303,7 +315,7 @@ def _map(lazy: Any, x: str, y: str, value: str) -> MapFigure:
                 f"omit the value to draw a scatter plot, or sweep fewer values of {name}",
             )
     ok = pl.col("status") == "ok"
-    # The order of the addition only affects the last digits, which are rounded away.
+    # The result is rounded, because its last digits depend on the order of addition.
     found = pl.col(value).cast(pl.Float64, strict=False).filter(ok).mean().round_sig_figs(12)
     table = _collected(
         lazy.group_by(pl.col(x).alias("x"), pl.col(y).alias("y")).agg(
@@ -363,7 +375,7 @@ def _shown(value: Any) -> str:
 
 
 def draw(figure: Figure, shown: ScatterFigure | MapFigure, theme: Theme) -> None:
-    """Draw a scatter with its front, or a map."""
+    """Draw a scatter plot with its front, or a map."""
     handles = draw_panel(figure.subplots(), shown, theme)
     if handles:
         legend_below(figure, handles)
@@ -371,7 +383,7 @@ def draw(figure: Figure, shown: ScatterFigure | MapFigure, theme: Theme) -> None
 
 
 def draw_panel(panel: Axes, shown: ScatterFigure | MapFigure, theme: Theme) -> list[Any]:
-    """Draw a scatter or a map on one panel; return the handles of its legend."""
+    """Draw a scatter plot or a map on one panel.  Returns the handles of its legend."""
     if isinstance(shown, ScatterFigure):
         _draw_scatter(panel, shown, theme)
         return []
@@ -460,7 +472,7 @@ def _draw_map(panel: Axes, shown: MapFigure, theme: Theme) -> list[Any]:
     panel.set(xlabel=plain(_word(shown.x)), ylabel=plain(_word(shown.y)))
     panel.grid(visible=False)
     figure = panel.get_figure()
-    assert figure is not None  # the panel belongs to a figure
+    assert figure is not None  # The panel belongs to a figure.
     scale = figure.colorbar(
         image, ax=panel, label=plain(_word(shown.value)) + (", log scale" if wide else "")
     )
@@ -470,7 +482,9 @@ def _draw_map(panel: Axes, shown: MapFigure, theme: Theme) -> list[Any]:
 
 
 def ticked(labels: Sequence[str]) -> range:
-    """Indices of the labels that are shown along a side: evenly spaced, preferring round ones."""
+    """Indices of the labels that are shown along a side.  They are evenly spaced, and round numbers
+    are preferred.
+    """
     step = next(
         digit * 10**power
         for power in range(len(str(len(labels))) + 1)

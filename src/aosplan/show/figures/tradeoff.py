@@ -1,4 +1,6 @@
-"""Baseline, extent and flight time by number of samples, and the rows on the Pareto front."""
+"""Figure of a trade-off: baseline, extent and flight time by number of samples, with the Pareto
+front.
+"""
 
 from __future__ import annotations
 
@@ -41,11 +43,11 @@ class TradeoffFigure(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         return f"Trade-off over {self.scene}, from {self.altitude_m:g} m, {self.target}"
 
     def description(self) -> str:
-        """Description of the front and the plan in words."""
+        """Description of the front and the plan as text."""
         front = sorted((p for p in self.points if p.front), key=lambda p: p.samples)
         several = len({p.grid for p in self.points}) > 1
         missed = sum(not p.meets for p in self.points)
@@ -78,7 +80,8 @@ def tradeoff_of(plan: Plan) -> TradeoffFigure:
         If there are no occluders.
     """
     rows = plan.tradeoff()
-    assert plan.problem is not None  # without a problem there is no trade-off
+    # A trade-off needs a problem, and there is one if there are occluders.
+    assert plan.problem is not None
     return TradeoffFigure(
         scene=plan.scene.title or plan.scene.name,
         altitude_m=plan.altitude_m,
@@ -112,7 +115,9 @@ LAST = {
     "visibility": ("samples", "expected", "visibility $V$"),
     "contrast": ("samples", "contrast", "contrast"),
 }
-"""The last panel for objectives that are maximised; for others it is time over extent."""
+"""The last panel for objectives that are maximised.  For other objectives, it is time over
+extent.
+"""
 
 
 def draw(figure: Figure, shown: TradeoffFigure, theme: Theme) -> None:
@@ -132,7 +137,7 @@ def draw(figure: Figure, shown: TradeoffFigure, theme: Theme) -> None:
                 ([not p.meets for p in rows], {"color": theme.muted, "ls": (0, (1, 1.5))}),
                 ([p.front for p in rows], FRONT | {"mfc": look["color"], "mec": theme.text}),
             ):
-                # The line is interrupted at rows that are drawn by the other line.
+                # The line is interrupted at rows that belong to the other line.
                 up = [
                     getattr(p, y) if keep else math.nan for p, keep in zip(rows, kept, strict=True)
                 ]

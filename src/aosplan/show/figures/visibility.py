@@ -1,4 +1,4 @@
-"""V̂ and V over the number of samples and the baseline, with the plan marked."""
+"""Figure of V̂ and V over the number of samples and over the baseline, with a mark at the plan."""
 
 from __future__ import annotations
 
@@ -20,17 +20,23 @@ if TYPE_CHECKING:
     from aosplan.solver.problem import Problem
 
 BASELINES = (1.0, 0.5, 0.25, 2.0)
-"""Baselines of the curves as multiples of the plan's; the plan's own is first."""
+"""Baselines of the curves, as multiples of the plan's baseline.  The first curve has the baseline
+of the plan.
+"""
 
 SAMPLES = (1.0, 0.5, 0.25, 2.0)
-"""Numbers of samples of the curves as multiples of the plan's; the plan's own is first."""
+"""Numbers of samples of the curves, as multiples of the plan's number.  The first curve has the
+number of the plan.
+"""
 
 POINTS = 24
 """Approximate number of points of a curve."""
 
 
 class VisibilityCurve(NamedTuple):
-    """V̂ and V over `x`, which is samples or metres; `fixed` is the other of the two."""
+    """V̂ and V over `x`.  If `x` is the number of samples, `fixed` is the baseline [m]; otherwise
+    `x` is the baseline and `fixed` the number of samples.
+    """
 
     fixed: float
     x: tuple[float, ...]
@@ -39,11 +45,11 @@ class VisibilityCurve(NamedTuple):
 
 
 class VisibilityFigure(NamedTuple):
-    """Curves around a plan; the target is None if the plan maximises an objective.
+    """Curves around a plan.  The target is None if the plan maximises an objective.
 
-    Each curve in `by_samples` has a fixed baseline, and each in `by_baseline` a fixed number of
-    samples; the plan's own is first.  `independent_m` is the baseline from which neighbours share
-    no occluder, or None if there is none.
+    Each curve in `by_samples` has a fixed baseline, and each curve in `by_baseline` has a fixed
+    number of samples.  The first curve has the value of the plan.  `independent_m` is the smallest
+    baseline at which neighbours share no occluder, or None if there is no such baseline.
     """
 
     scene: str
@@ -64,11 +70,11 @@ class VisibilityFigure(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         return f"Visibility of {self.scene}, from {self.altitude_m:g} m ({self.model} model)"
 
     def description(self) -> str:
-        """Description of the plan and its curves in words."""
+        """Description of the plan and its curves as text."""
         first, second = self.by_samples[0], self.by_baseline[0]
         symbol = "V̂" if self.target_quantity == "normalized" else "V"
         target = "" if self.target is None else f"; the target is {symbol} = {self.target:.6g}"
@@ -136,8 +142,8 @@ def visibility_of(plan: Plan) -> VisibilityFigure:
 def by_samples(
     problem: Problem, most: int, base: float, own: int, points: int = POINTS
 ) -> Iterator[VisibilityCurve]:
-    """Yield curves with up to `most` samples, including `own`; the first has the baseline `base`
-    [m].
+    """Yield curves with up to `most` samples, including `own`.  The first curve has the baseline
+    `base` [m].
     """
     counts = {round(1 + (most - 1) * (k / points) ** 2) for k in range(points + 1)} | {own}
     patterns = {problem.grid.pattern(count) for count in sorted(counts)}
@@ -146,7 +152,7 @@ def by_samples(
     for factor in BASELINES:
         baseline = factor * base
         if factor > 1.0 and base * inside[-1].nearest >= independent * (1.0 - 1e-9):
-            continue  # a larger baseline would not improve V̂
+            continue  # A larger baseline would not improve V̂.
         found = [
             (p, problem.model.predict(p, baseline))
             for p in inside
@@ -164,7 +170,9 @@ def by_samples(
 def by_baseline(
     problem: Problem, samples: int, widest: float, own: float, points: int = POINTS
 ) -> Iterator[VisibilityCurve]:
-    """Yield curves with baselines up to `widest` [m], including `own`; the first has `samples`."""
+    """Yield curves with baselines up to `widest` [m], including `own`.  The first curve has
+    `samples` samples.
+    """
     baselines = sorted({widest * k / points for k in range(1, points + 1)} | {own})
     drawn = set()
     for factor in SAMPLES:
@@ -192,7 +200,7 @@ def _fits(problem: Problem, extent_m: float) -> bool:
 
 
 def draw(figure: Figure, shown: VisibilityFigure, theme: Theme) -> None:
-    """Draw two columns, over N and over b, with V̂ above V."""
+    """Draw two columns of panels, over N and over b.  In each column, V̂ is above V."""
     axes = figure.subplots(2, 2, sharex="col", sharey="row")
     quantities = (
         ("normalized", r"normalised visibility $\hat{V}$"),
@@ -226,7 +234,7 @@ def draw(figure: Figure, shown: VisibilityFigure, theme: Theme) -> None:
             (shown.maximum, "infinitely many photos"),
         ):
             panel.axhline(height, color=theme.muted, ls="--", lw=0.9)
-            if panel is axes[1][0]:  # on the right, the words would cross the vertical line
+            if panel is axes[1][0]:  # On the right, the text would cross the vertical line.
                 panel.annotate(
                     words,
                     (0.99, height),

@@ -1,4 +1,4 @@
-"""The report: a plan as one self-contained HTML page.
+"""The report: a self-contained HTML page about a plan.
 
 `aosplan.show.page.page` fills the template ``page.html`` with a plan.
 """

@@ -19,7 +19,7 @@ class AxisBound(NamedTuple):
 
 
 def baseline_bounds(problem: Problem, pattern: Sites) -> list[AxisBound]:
-    """Baselines beyond which there is no gain, or which are limits."""
+    """Baselines that are marked: limits, and the baseline beyond which there is no gain."""
     model, bounds = problem.model, problem.bounds
     found = [
         AxisBound(model.independent_baseline_m / pattern.nearest, "neighbours share no occluder"),
@@ -34,7 +34,7 @@ def baseline_bounds(problem: Problem, pattern: Sites) -> list[AxisBound]:
 
 
 def sample_bounds(problem: Problem, solution: Solution) -> list[AxisBound]:
-    """Numbers of samples that are required or are limits."""
+    """Numbers of samples that are marked: limits, and the required number."""
     bounds, required = problem.bounds, solution.samples_required
     found = [] if required is None else [AxisBound(required, "fewest that meet the target")]
     if bounds.max_samples is not None:

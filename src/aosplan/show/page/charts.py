@@ -1,4 +1,4 @@
-"""Charts of the page: curves as lines of an SVG image, with axes, limits and the plan."""
+"""Charts of the page: curves in an SVG image, with axes, limits and a mark at the plan."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from aosplan.planning.result import Plan
 
 LEFT, RIGHT, TOP, BOTTOM = 46, 326, 14, 240
-"""Frame of the axes within the image; a character is about 12 units high."""
+"""Frame of the axes within the image.  A character is about 12 units high."""
 
 TICKS_Y = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 
@@ -28,14 +28,15 @@ class Tick(NamedTuple):
 
 
 FEW, COUNTED = 12, 2000
-"""Number of points of a curve of a measured stand, and largest number of photos of all points.
+"""Number of points of a curve for a measured stand, and largest total number of photos of its
+points.
 
-Every photo of every point is counted over all voxels.  If `FEW` points would have more than
+For every photo of every point, all voxels are counted.  If `FEW` points would have more than
 `COUNTED` photos in total, there are fewer points, but at least half of `FEW`.
 """
 
 MANY = 10_000
-"""Largest number of photos of a plan whose curve is continued to twice as many."""
+"""Largest number of photos of a plan for which the curve extends to twice this number."""
 
 APART = 13.0
 """Vertical distance between labels."""
@@ -56,7 +57,7 @@ class Chart(NamedTuple):
     Attributes
     ----------
     name, title, axis, column
-        Name of the element, title, label of the axis, name of the table's first column.
+        Name of the element, title, label of the x axis, and name of the table's first column.
     summary
         Description in one sentence.
     x_ticks, y_ticks
@@ -64,11 +65,10 @@ class Chart(NamedTuple):
     normalized, expected
         Points of the curves of V̂ and V in the format of SVG.
     chosen
-        Position of the plan: along the axis, V̂ and V.
+        Position of the plan: position along the axis, V̂ and V.
     bounds, levels
-        Vertical lines for the limits of the plan, and horizontal lines for target and limits of V.
-    rows
-        Numbers of the curves: along the axis, V̂ and V.
+        Vertical lines at the limits of the plan, and horizontal lines at the target and the limits
+        of V. rows Numbers of the curves: value along the axis, V̂ and V.
     """
 
     name: str
@@ -87,13 +87,13 @@ class Chart(NamedTuple):
 
 
 def charts_of(plan: Plan) -> list[Chart]:
-    """Charts of visibility over samples and over baseline; none without occluders."""
+    """Charts of visibility over samples and over baseline; empty if there are no occluders."""
     problem, solution = plan.problem, plan.solution
     if problem is None or solution.baseline_m == 0.0:
         return []
     samples, baseline = solution.pattern.samples, solution.baseline_m
     bounds = baseline_bounds(problem, solution.pattern)
-    # Only the first curve of each, which is the plan's own, is computed.
+    # Only the first curve of each kind is computed. It is the curve of the plan.
     rising = problem.model.rises_with_baseline
     points = POINTS if rising else min(max(COUNTED // samples, FEW // 2), FEW)
     many = next(by_samples(problem, _most_samples(samples), baseline, samples, points), None)
@@ -127,7 +127,9 @@ def charts_of(plan: Plan) -> list[Chart]:
 
 
 def _most_samples(planned: int) -> int:
-    """Largest number of samples of a chart: twice the plan's, unless this would take too long."""
+    """Largest number of samples of a chart.  It is twice the number of the plan, unless this would
+    take too long.
+    """
     return max(2 * planned, 8) if planned <= MANY else planned
 
 
@@ -176,7 +178,9 @@ def _chart(
 def _bound_lines(
     bounds: Sequence[AxisBound], x: Callable[[float], float], high: float
 ) -> list[ChartLine]:
-    """Limits within the frame; limits at the same place share a line and a label."""
+    """Lines at the limits within the frame.  Limits at the same place have a common line and
+    label.
+    """
     places: dict[float, list[str]] = {}
     for bound in bounds:
         if bound.value <= high * (1.0 + 1e-9):
@@ -190,7 +194,9 @@ def _bound_lines(
 
 
 def _levels(plan: Plan, y: Callable[[float], float]) -> list[ChartLine]:
-    """Visibility of one photo and of infinitely many, and the target if the plan has one."""
+    """Lines at the visibility of one photo and of infinitely many photos, and at the target if the
+    plan has one.
+    """
     from aosplan.solver.solution import BEST
 
     requirement, prediction = plan.requirement, plan.solution.prediction

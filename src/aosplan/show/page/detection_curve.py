@@ -1,4 +1,4 @@
-"""Curve of the probability of detection over the contrast of the target, for the page."""
+"""Curve for the page: probability of detection over the contrast of the target."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class DetectionCurve(NamedTuple):
     points
         Points of the curve in the format of SVG.
     chosen
-        Position of the plan's own contrast.
+        Position of the plan's contrast.
     """
 
     text: str
@@ -36,13 +36,13 @@ class DetectionCurve(NamedTuple):
 
 
 def detection_curve(plan: Plan) -> DetectionCurve | None:
-    """The curve of a plan with a target to search for; None for other plans."""
+    """The curve of a plan with a target to find; None for other plans."""
     found = plan.detection
     if found is None:
         return None
     from aosplan.planning.plan_detection import detection_text
 
-    # Negative contrasts are equivalent to positive ones, so the axis has absolute values.
+    # Negative contrasts are equivalent to positive contrasts, so that the axis has absolute values.
     curve = sorted((abs(contrast), share) for contrast, share in found.curve)
     x, y = scale(curve[-1][0], LEFT, RIGHT), scale(1.0, BOTTOM, TOP)
     own = abs(found.signature.contrast)

@@ -12,14 +12,16 @@ if TYPE_CHECKING:
     from aosplan.planning.result import Plan
 
 MOST = 400
-"""Largest number of waypoints that are drawn; of more, every n-th and the last."""
+"""Largest number of waypoints that are drawn.  If there are more, only every n-th waypoint and the
+last one are drawn.
+"""
 
 
 class Profile(NamedTuple):
     """A profile ready to be drawn.
 
-    `lines` have a name, points in the format of SVG, and the height of their label.  `ground` is
-    the outline of the area below the ground line.
+    Each of the `lines` has a name, points in the format of SVG, and the height of its label.
+    `ground` is the outline of the area below the ground line.
     """
 
     title: str

@@ -1,4 +1,4 @@
-"""Data of the page's map: waypoints as columns of bytes, and shapes around them."""
+"""Data of the page's map: waypoints as columns of bytes, and other shapes of the map."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 class PackedColumn(NamedTuple):
-    """A column of all waypoints: name, packing, and text.
+    """One column of the waypoints: its name, its packing, and its text.
 
-    `packing` is ``f8`` for floats of eight bytes and ``u1`` for booleans of one byte, both
-    little-endian and in base64, or ``same`` for a single value that all waypoints have.
+    `packing` is ``f8`` for floats of eight bytes and ``u1`` for booleans of one byte; both are
+    little-endian and in base64.  It is ``same`` if all waypoints have the same value.
     """
 
     name: str
@@ -45,11 +45,10 @@ def _column(name: str, values: Sequence[Any]) -> PackedColumn:
 
 
 def scenery_of(plan: Plan, grid: GridFigure) -> dict[str, Any]:
-    """Everything around the waypoints of a plan, in metres east and north, as plain values.
+    """The objects on the map other than the waypoints, as plain values in metres east and north.
 
-    The size of the grid is given if there is a single grid, that is neither for an area nor for a
-    line without end.  If the take-off point is not known, it is assumed to be below the first
-    waypoint.
+    The size of the grid is included if there is a single grid, but not for an area or a continuous
+    line.  If the take-off point is not known, it is assumed to be below the first waypoint.
     """
     one_grid = plan.layout.area is None and plan.inputs.line_length_m is None
     east, north = grid.takeoff or (grid.east_m[0], grid.north_m[0])
@@ -68,7 +67,9 @@ def scenery_of(plan: Plan, grid: GridFigure) -> dict[str, Any]:
 
 
 def _rings(polygons: tuple[Polygon, ...]) -> list[list[float]]:
-    """The rings of polygons, rounded to centimetres, as alternating east and north; holes follow."""
+    """The rings of polygons as alternating east and north, rounded to centimetres.  The holes of a
+    polygon follow its outer ring.
+    """
     return [
         [round(value, 2) for point in ring for value in point]
         for polygon in polygons

@@ -1,4 +1,6 @@
-"""Numbers of a plan's document on the page: rounded, with units, and exact in a tooltip."""
+"""Formatting of the numbers of a plan's document for the page.  They are rounded and have units.
+The exact number is in a tooltip.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ def _length(value: float) -> str:
 
 
 def spacing(value: float) -> str:
-    """A length rounded to centimetres, or to significant digits if it is very short or long."""
+    """Text of a length, rounded to centimetres, or to significant digits if it is very short or
+    very long.
+    """
     return f"{value:.2f} m" if value == 0.0 or 0.1 <= value < 1000.0 else f"{_length(value)} m"
 
 
@@ -38,7 +42,7 @@ KINDS: dict[str, Callable[[Any], str]] = {
     "count": lambda value: f"{value:,}",
     "plain": lambda value: f"{value:.4g}",
 }
-"""How a number of each kind is formatted."""
+"""Function that formats a number, by kind of number."""
 
 
 class NumberFormatter:

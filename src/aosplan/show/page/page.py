@@ -1,10 +1,12 @@
-"""The report: a plan as one self-contained HTML page, to view, to print and to run again.
+"""The report: a self-contained HTML page about a plan, from which the plan can also be computed
+again.
 
-`report_page` fills the template ``page.html``.  The style is ``page.css`` and the script consists
-of `SCRIPTS`.  The page contains the plan's JSON document, with waypoints as columns of bytes.
-Every number on the page is a rounded number of the document.  Nothing is loaded from elsewhere: a
-content security policy forbids it, and allows only the page's own style and script, by their
-hashes.
+`report_page` fills the template ``page.html``.  The style is in ``page.css``, and the script
+consists of `SCRIPTS`.  The page contains the plan's JSON document, in which waypoints are columns
+of bytes.
+
+Every number on the page is a rounded number of this document.  The page does not load any other
+file.  A content security policy allows only the style and the script in the page, by their hashes.
 """
 
 from __future__ import annotations
@@ -26,19 +28,19 @@ SUFFIXES = (".html", ".htm")
 """Extensions of report files."""
 
 SCRIPTS = ("waypoints.js", "map.js", "page.js")
-"""Parts of the page's script; later parts use earlier ones."""
+"""Parts of the page's script.  Later parts use earlier parts."""
 
 SEED = 1
 """Default seed of the simulated picture."""
 
 
 def check_extra(*, picture: bool) -> None:
-    """Check that a report can be written, before work is done for it.
+    """Check that a report can be written, before any work for it.
 
     Raises
     ------
     MissingExtraError
-        If Jinja2 is not installed, or Pillow for a picture.
+        If Jinja2 is not installed, or if Pillow is not installed and a picture is requested.
     """
     from importlib.util import find_spec
 
@@ -54,7 +56,7 @@ def report_page(
     detection_map: DetectionMap | None = None,
     success: SearchSuccess | None = None,
 ) -> bytes:
-    """The page of a plan in UTF-8; the bytes depend only on the plan and the seed.
+    """The page of a plan in UTF-8.  The bytes depend only on the plan and the seed.
 
     Parameters
     ----------
@@ -68,7 +70,7 @@ def report_page(
     Raises
     ------
     MissingExtraError
-        If Jinja2, or Pillow for a picture, is not installed.
+        If Jinja2 is not installed, or if Pillow is not installed and a picture is requested.
     """
     check_extra(picture=seed is not None)
     import json
@@ -91,7 +93,7 @@ def report_page(
     rows = len(document.pop("waypoints"))
     grid = grid_of(plan, plan.layout.area)
     style, script = _read("page.css"), "\n".join(_read(name) for name in SCRIPTS)
-    # The hash of a style or script is that of the exact text between its tags.
+    # The hash of a style or script is computed from the exact text between its tags.
     policy = {"style": _hash(style), "script": _hash(script)}
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(_read),

@@ -1,4 +1,6 @@
-"""Map of the probability of detection for the page: cells in ten colours, with north up."""
+"""Map of the probability of detection for the page.  Cells have one of ten colours.  North is at
+the top.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
     from aosplan.maps.detection_map import DetectionMap, SearchSuccess
 
 WIDTH = 640.0
-"""Width of the map; its height depends on the ground."""
+"""Width of the map.  The height of the map depends on the ground."""
 
 TALLEST = 640.0
 
@@ -27,7 +29,9 @@ COLOURS = (
     "#440154", "#482878", "#3e4a89", "#31688e", "#26828e",
     "#1f9e89", "#35b779", "#6dcd59", "#b4de2c", "#fde725",
 )  # fmt: skip
-"""Colours for probabilities from 0 to 1 (viridis, which colour-blind readers can distinguish)."""
+"""Colours for probabilities from 0 to 1.  They are from viridis, whose colours colour-blind readers
+can distinguish.
+"""
 
 UNSEEN = "#8a8a8a"
 """Colour of ground that no photo sees."""
@@ -43,7 +47,7 @@ class SearchMap(NamedTuple):
     height
         Height of the picture, which is `WIDTH` wide.
     cells
-        Colours, each with the outlines of its cells.
+        Colours, each with the outlines of the cells that have it.
     bar
         Length of the scale bar, and its label.
     swatches
@@ -92,7 +96,9 @@ def search_map(found: DetectionMap | None, success: SearchSuccess | None) -> Sea
 
 
 def coverage_picture(coverage: CoverageMap) -> bytes:
-    """An SVG of the share of the planned photos that see each place, with the gaps outlined."""
+    """An SVG of a coverage map.  It shows for each place the share of the planned photos that see
+    it, and outlines of the gaps.
+    """
     cells = coverage.cells
     rows, columns = cells.inside.shape
     unit = min(WIDTH / columns, TALLEST / rows)
@@ -142,7 +148,7 @@ def coverage_picture(coverage: CoverageMap) -> bytes:
 
 
 def _rim(cells: NDArray[np.bool_], unit: float, left: float) -> str:
-    """An SVG path of the sides between marked and unmarked cells."""
+    """An SVG path along the sides between marked and unmarked cells."""
     wide = np.pad(cells, 1)
     line, column = np.nonzero(wide[1:, 1:-1] != wide[:-1, 1:-1])
     level = "".join(

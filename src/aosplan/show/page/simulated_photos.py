@@ -1,4 +1,6 @@
-"""Simulated pictures for the page: one photo, and the integral image of all photos of the plan."""
+"""Simulated pictures for the page: a single photo, and the integral image of all photos of the
+plan.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ if TYPE_CHECKING:
     from aosplan.scenes.occlusion import ViewKind
 
 MOST_VIEWS = 500
-"""Largest number of photos that are simulated, which takes a few seconds."""
+"""Largest number of photos that are simulated.  They take a few seconds."""
 
 
 class SimulatedPhotos(NamedTuple):
@@ -23,16 +25,14 @@ class SimulatedPhotos(NamedTuple):
     seed
         Random seed.
     missing
-        Why there are no pictures; empty if there are.
-    single, integral, endless
-        A resolution chart through the trees: in the middle photo, in the integral image of all
-        photos, and for infinitely many photos.
+        Reason why there are no pictures; empty if there are pictures. single, integral, endless A
+        resolution chart behind trees: in the middle photo, in the integral image of all photos, and
+        for infinitely many photos.
     size
         Number of columns and rows of each.
     expected, single_visibility
-        V of the integral image, and share of targets visible in the middle photo, in this volume.
-    predicted
-        V predicted by the model for the same rays.
+        V of the integral image, and share of the targets that the middle photo sees, in this
+        volume. predicted V that the model predicts for the same rays.
     view
         ``perspective`` or ``telecentric``.
     """
@@ -92,7 +92,9 @@ def simulated_photos(plan: Plan, seed: int | None) -> SimulatedPhotos:
 
 
 def _view(plan: Plan) -> ViewKind:
-    """The view of the measured model; otherwise perspective if all photos have common ground."""
+    """The view of the measured model.  For other models, perspective if all photos have common
+    ground, otherwise telecentric.
+    """
     if plan.inputs.view is not None:
         return "perspective" if plan.inputs.view == "perspective" else "telecentric"
     return "perspective" if min(plan.common_footprint_m) > 0.0 else "telecentric"

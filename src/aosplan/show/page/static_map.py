@@ -14,13 +14,15 @@ if TYPE_CHECKING:
     from aosplan.show.figures.grid import GridFigure, Polygon
 
 MOST_SITES = 5000
-"""Largest number of waypoints of a static map; with more, the page says that there is none."""
+"""Largest number of waypoints of a static map.  If there are more, the page has a note instead of
+the map.
+"""
 
 MOST_ROWS = 1000
 """Largest number of rows of the table."""
 
 WIDTH = 640.0
-"""Width of the map; its height depends on the content."""
+"""Width of the map.  The height of the map depends on its content."""
 
 MARGIN = 16.0
 
@@ -31,23 +33,20 @@ class StaticMap(NamedTuple):
     Attributes
     ----------
     summary
-        Description of the path in words.
-    height
-        Height of the map, which is `WIDTH` wide.
-    shapes
-        Class and outline of the shapes below the path, lowest first.
-    flights
-        Path and sites of each flight; sites are lines of zero length.
+        Description of the path as text. height Height of the map.  Its width is `WIDTH`. shapes
+        Class and outline of the shapes below the path, beginning with the lowest. flights Path and
+        sites of each flight.  Sites are lines of zero length.
     turns
         Waypoints without a photo, as lines of zero length.
     first, last, takeoff
-        Positions of marks.  If the take-off point is not known, it is below the first waypoint.
+        Positions of marks.  If the take-off point is not known, it is assumed to be below the first
+        waypoint.
     dot
         Diameter of the dot of a site.
     bar
         Length of the scale bar, and its label.
     columns, rows
-        Content of the table as text; no rows if there would be more than `MOST_ROWS`.
+        Content of the table as text.  There are no rows if there would be more than `MOST_ROWS`.
     """
 
     summary: str
@@ -65,14 +64,14 @@ class StaticMap(NamedTuple):
 
 
 def static_map_of(plan: Plan, grid: GridFigure) -> StaticMap | None:
-    """The map of a plan and its grid without a script; None for more than `MOST_SITES` waypoints."""
+    """The static map of a plan and its grid; None for more than `MOST_SITES` waypoints."""
     ways = plan.waypoints
     if len(ways) > MOST_SITES:
         return None
     low, high = window(grid)
     wide, tall = high[0] - low[0], high[1] - low[1]
     unit = (WIDTH - 2.0 * MARGIN) / max(wide, tall)
-    # The height of a tall map is limited to the width. The scale bar has the lowest line.
+    # The height of the map is at most its width. The scale bar is in the lowest line.
     left = 0.5 * (WIDTH - unit * wide)
     height = unit * tall + 2.0 * MARGIN + 24.0
 

@@ -1,4 +1,4 @@
-"""Curve of the objective over flight time for the page, for a search within a time."""
+"""Curve for the page: objective over flight time, for a search within a time."""
 
 from __future__ import annotations
 
@@ -28,9 +28,7 @@ class WithinCurve(NamedTuple):
     points
         Points of the curve in the format of SVG.
     marks
-        Positions of its points.
-    chosen
-        Position of the plan.
+        Positions of the marks on the curve. chosen Position of the plan.
     """
 
     title: str

@@ -1,4 +1,4 @@
-"""Rows of a plan's table about the probability of detection, and the results of its map."""
+"""Rows of a plan's table about the probability of detection and about the detection map."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CURVE_SHOWN = (1.0, 2.0, 3.0, 5.0, 8.0)
 
 
 def detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
-    """Rows with the probability of detection, as a sentence and by contrast."""
+    """Rows with the probability of detection: as a sentence, and for several contrasts."""
     from aosplan.planning.plan_detection import detection_text
 
     found = plan.detection

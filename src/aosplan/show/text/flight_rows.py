@@ -58,7 +58,7 @@ def flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     if route.datum is not None:
         low = plan.altitude_m + plan.inputs.focal_height_m - route.closer_by_m
         ground = plan.waypoints.ground_m
-        assert ground is not None  # the terrain set it
+        assert ground is not None  # With a terrain file, this height is known.
         yield (
             "Terrain",
             f"{min(ground):.0f} to {max(ground):.0f} m above {route.datum}; the flight is at "

@@ -1,7 +1,8 @@
-"""Drawings of grids and flights as text: site by site if there is room, otherwise to scale.
+"""Drawings of grids and flights as text.
 
-A drawing to scale has 2 x 4 dots per character, from the Braille block of Unicode, or one letter
-per character if only ASCII is available.
+If there is enough space, each site is one character.  Otherwise the drawing is to scale.  A drawing
+to scale has 2 x 4 dots per character, from the Braille block of Unicode.  If only ASCII is
+available, each dot is one character.
 """
 
 from __future__ import annotations
@@ -23,10 +24,12 @@ WIDTH, HEIGHT = 72, 20
 """Size of the largest drawing, in characters and lines."""
 
 MOST_POINTS = 20_000
-"""Largest number of sites that are drawn; of a longer spiral or flight, only every n-th site is."""
+"""Largest number of sites that are drawn.  For a longer spiral or flight, only every n-th site is
+drawn.
+"""
 
 BRAILLE = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
-"""Bits of the dots of U+2800, by line and column."""
+"""Bits of the dots of a Braille character (from U+2800 on), by line and column."""
 
 
 class Marks(NamedTuple):
@@ -42,7 +45,9 @@ UNICODE, ASCII = Marks("●", "▶", "■", "→"), Marks("o", "S", "E", "->")
 
 
 def grid_picture(pattern: Sites, *, plain: bool = False, width: int = WIDTH) -> list[str]:
-    """A grid and its legend, with x to the right and y down; empty for a single site."""
+    """Drawing of a grid with a legend. x is to the right and y is downwards.  It is empty for a
+    single site.
+    """
     if pattern.samples < 2:
         return []
     marks, width = ASCII if plain else UNICODE, min(width, WIDTH)
@@ -59,7 +64,9 @@ def grid_picture(pattern: Sites, *, plain: bool = False, width: int = WIDTH) -> 
 def flight_picture(
     points: Sequence[tuple[float, float]], *, plain: bool = False, width: int = WIDTH
 ) -> list[str]:
-    """A flight from above with north up, and its legend; `points` are metres east and north."""
+    """Drawing of a flight from above with a legend.  North is at the top.  `points` are metres east
+    and north.
+    """
     if len(points) < 2:
         return []
     marks, width = ASCII if plain else UNICODE, min(width, WIDTH)
@@ -72,7 +79,9 @@ def flight_picture(
 
 
 def _site_by_site(pattern: Sites, marks: Marks, width: int) -> list[str]:
-    """One character per site, if this fits: two columns per baseline, or one for a single line."""
+    """Drawing with one character per site, if it fits.  A baseline is two characters wide, or one
+    character for a single line.
+    """
     for apart in (2, 1) if pattern.rows == 1 and not isinstance(pattern, Spiral) else (2,):
         if pattern.samples > WIDTH * HEIGHT:
             return []
@@ -90,7 +99,7 @@ def _site_by_site(pattern: Sites, marks: Marks, width: int) -> list[str]:
 def _places(pattern: Sites, apart: int) -> list[tuple[int, int]]:
     """Positions of the sites in the drawing, as (line, character) in flight order.
 
-    Rows that are more than one baseline apart are drawn with one empty line in between.
+    If rows are more than one baseline apart, there is one empty line between them.
     """
     if isinstance(pattern, Spiral):
         offsets = list(pattern.offsets())
@@ -101,7 +110,9 @@ def _places(pattern: Sites, apart: int) -> list[tuple[int, int]]:
 
 
 def _thinned(pattern: Sites, width: int) -> Iterable[tuple[float, float]]:
-    """Sites in flight order, from the first to the last, reduced to what a drawing can show."""
+    """Sites in flight order, including the first and the last.  Their number is reduced to that
+    which a drawing can show.
+    """
     if isinstance(pattern, Spiral):
         every = -(-pattern.samples // MOST_POINTS)
         yield from islice(pattern.offsets(), 0, pattern.samples - 1, every)
@@ -143,19 +154,21 @@ def to_scale(
     plain: bool,
     even: bool = False,
 ) -> tuple[list[str], float]:
-    """Draw points to scale, with x to the right and y down; return the drawing and the width of a
-    dot.
+    """Draw points to scale, with x to the right and y downwards.  Returns the drawing and the width
+    of a dot.
 
-    The first and the last point have characters of their own.  With `even`, a unit of the points
-    that is wider than a dot is a whole number of dots.
+    The first and the last point have special characters.  With `even`, one unit of length is a
+    whole number of dots, if it is wider than a dot.
     """
     per_column, per_line = (1, 1) if plain else (2, 4)
-    flat = 2.0 if plain else 1.0  # a character is twice as high as wide, like four dots by two
+    # A character is twice as high as it is wide. Braille dots are square, because a character has
+    # four lines and two columns of them.
+    flat = 2.0 if plain else 1.0
     (left, right), (top, bottom) = ((min(c), max(c)) for c in zip(*points, strict=True))
     step = max(
         (right - left) / (per_column * width - 1), (bottom - top) / flat / (per_line * HEIGHT - 1)
     )
-    if step < 1.0:  # an even spacing needs a whole number of dots between sites
+    if step < 1.0:  # For an even spacing, the distance between sites is a whole number of dots.
         step = 1.0 / math.floor(1.0 / step) if even and step > 0.0 else step or 1.0
     cells: dict[tuple[int, int], int] = {}
 
@@ -177,7 +190,7 @@ def to_scale(
 
 
 def _scale_text(pattern: Sites, step: float, *, plain: bool) -> str:
-    """Text that says how many sites a dot of the drawing represents."""
+    """Text with the number of sites that a dot of the drawing represents."""
     dot = "letter" if plain else "dot"
     if isinstance(pattern, Spiral):
         return f"a {dot} is {step:.2g} baselines"

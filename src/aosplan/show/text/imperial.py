@@ -1,7 +1,8 @@
-"""Metric quantities in a line of text, converted to feet, inches, miles, acres and miles per hour.
+"""Conversion of metric quantities in a line of text to feet, inches, miles, acres and miles per
+hour.
 
 Only tables are converted, and only if the environment variable ``AOSPLAN_UNITS`` is ``imperial``.
-Options, files and JSON documents stay metric.
+Options, files and JSON documents are always metric.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ _NUMBER = r"-?\d[\d,]*(?:\.\d+)?"
 _QUANTITY = re.compile(
     rf"(?<![\w.])({_NUMBER}(?: (?:x|to|of) {_NUMBER})*) ({'|'.join(sorted(_UNITS, key=len)[::-1])})(?![\w/²])"
 )
-"""One number or several with a common unit: ``19.6 x 16.8 m``."""
+"""Matches one number, or several numbers with a common unit: ``19.6 x 16.8 m``."""
 
 
 def is_imperial() -> bool:
@@ -47,7 +48,9 @@ def is_imperial() -> bool:
 
 
 def imperial(text: str) -> str:
-    """Convert the metric quantities of a text; each number keeps its significant digits, at least 3."""
+    """Convert the metric quantities in a text.  Each number keeps its number of significant digits,
+    but has at least 3.
+    """
 
     def replaced(match: re.Match[str]) -> str:
         unit, factor = _UNITS[match[2]]

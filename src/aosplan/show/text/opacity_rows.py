@@ -1,4 +1,4 @@
-"""Rows of a scene's table about its opacity: the source, and results from the pulses."""
+"""Rows of a scene's table about its opacity: its source, and results from the pulses."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def opacity_rows(opacity: dict[str, Any]) -> list[tuple[str, str]]:
-    """Rows for the opacity of a point cloud, from the document of ``scene --json``."""
+    """Rows about the opacity of a point cloud, from the document of ``scene --json``."""
     if opacity["source"] != "pulses":
         return [("Opacity", "each voxel that contains a point is opaque (assumed, not measured)")]
     first, weighted, last, sampled = (

@@ -1,4 +1,4 @@
-"""Table of a simulated search beside the predicted detection."""
+"""Table that compares a simulated search with the predicted detection."""
 
 from __future__ import annotations
 

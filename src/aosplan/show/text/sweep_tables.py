@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 STATUSES = {"ok": "met", "infeasible": "infeasible", "invalid": "invalid"}
 
 MOST_REASONS = 10
-"""Largest number of kinds of reasons that are shown; the document has more."""
+"""Largest number of kinds of reasons that are shown.  The JSON document has more."""
 
 
 def print_summary(document: dict[str, Any]) -> None:
@@ -158,7 +158,7 @@ def print_verification(document: Mapping[str, Any]) -> None:
         f"--seed {request['seed']}",
         f"--precision {document['precision']:g}",
     ]
-    # Folded with backslashes, so that the command can be copied; wrapped lines could not.
+    # Long commands are divided by backslashes. Unlike wrapped lines, they can be copied.
     show("Again:", *map(one_line, _folded(["aosplan simulate", *again])))
 
 
@@ -221,7 +221,7 @@ def options(request: Mapping[str, Any]) -> list[str]:
 
 
 def _folded(words: Iterable[str]) -> list[str]:
-    """A command in lines that fit the screen; each line except the last ends with a backslash."""
+    """A command in lines that fit the screen.  Each line except the last ends with a backslash."""
     lines = [""]
     for word in words:
         longer = f"{lines[-1]} {word}".strip()
@@ -252,12 +252,14 @@ def _figure(value: float | None) -> str:
 
 
 def _percent(share: float) -> str:
-    """A share in per cent; 0 % and 100 % are only shown for exact values."""
+    """A share in per cent. 0 % and 100 % are shown only if the share is exactly 0 or 1."""
     return "< 0.1 %" if 0.0 < share < 0.0005 else percent(share)
 
 
 def _print(header: Sequence[str], rows: Iterable[Sequence[str]], *, left_from: int = 99) -> None:
-    """Print a table; the first column and those from `left_from` on are text, the others numbers."""
+    """Print a table.  The first column and the columns from `left_from` on are text; the other
+    columns are numbers.
+    """
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for place, name in enumerate(header):
         text = place == 0 or place >= left_from

@@ -1,4 +1,4 @@
-"""Results as tables, with a drawing of the grid, in at most 80 columns."""
+"""Printing of results as tables with at most 80 columns, with a drawing of the grid."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 WIDTH = 80
 NARROWEST = 20
-"""Smallest assumed width; narrower terminals wrap lines themselves."""
+"""Smallest width that is assumed.  Narrower terminals wrap lines themselves."""
 
 PADDING = re.compile(r" +((?:\x1b\[[0-9;]*m)*)$")
 """Matches spaces at the end of a line, and escape sequences after them."""
@@ -63,18 +63,22 @@ MOST_NAMED = 60
 
 
 HEADLINES = ("Baseline", "Samples", "Visibility")
-"""Rows of a plan with the main results, which are coloured if the terminal has colours."""
+"""Rows of a plan with the main results.  They are coloured if the terminal has colours."""
 
 ROW_STYLES = dict.fromkeys(HEADLINES, "bold cyan") | {"Limit": "yellow"}
 
 
 def screen_width() -> int:
-    """Width of the output: that of the terminal, at most 80; 80 if it is not a terminal."""
+    """Width of the output: the width of the terminal, but at most 80.  It is 80 if the output is
+    not a terminal.
+    """
     return max(min(Console().width, WIDTH), NARROWEST) if is_terminal(sys.stdout) else WIDTH
 
 
 def show(*parts: RenderableType) -> None:
-    """Print to stdout with at most 80 columns: styled on a terminal, plain text otherwise."""
+    """Print to stdout with at most 80 columns.  The text is styled on a terminal, and plain
+    otherwise.
+    """
     screen = Console(
         width=screen_width(),
         highlight=False,
@@ -85,7 +89,7 @@ def show(*parts: RenderableType) -> None:
     )
     with screen.capture() as capture:
         screen.print(*parts, sep="\n")
-    # Tables are padded on the right, which is not useful in a file.
+    # rich pads tables with spaces on the right, which are removed here.
     print("\n".join(PADDING.sub(r"\1", line) for line in capture.get().splitlines()))
 
 
@@ -190,7 +194,9 @@ def _ground_text(plan: Plan) -> str:
 
 
 def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:
-    """Rows with the visibility of the planned grid for other scenes, and the grids for them."""
+    """Rows with the visibility of the planned grid in changed scenes, and with the grids for these
+    scenes.
+    """
     for index, change in enumerate(changes):
         name = change.quantity.removeprefix("occluder_")
         text = f"{name} {100.0 * (change.factor - 1.0):+.0f} %: "
@@ -206,7 +212,7 @@ def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:
 
 
 def _error(standard_error: float | None) -> str:
-    """A standard error in per cent, to follow its value."""
+    """Text of a standard error in per cent, which is printed after the value."""
     if standard_error is None:
         return ""
     percent = 100.0 * standard_error
@@ -279,7 +285,7 @@ def _named(title: str, name: str) -> str:
 
 
 def _short(name: str) -> str:
-    """A name, shortened because names from files may be long."""
+    """A shortened name.  Names from files may be long."""
     return name if len(name) <= MOST_NAMED else f"{name[: MOST_NAMED - 1]}…"
 
 
@@ -299,7 +305,9 @@ def _next_step(plan: Plan, written: Sequence[str]) -> str:
 
 
 def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table with a header; if it is too wide for the terminal, one paragraph per row."""
+    """Print a table with a header.  If it is too wide for the terminal, each row is printed as a
+    paragraph.
+    """
     shown = [[readable(cell) for cell in row] for row in rows]
     names = [readable(name) for name in header]
     columns = list(zip(names, *shown, strict=True))
@@ -332,7 +340,9 @@ def print_pairs(rows: Iterable[tuple[str, str]]) -> None:
 
 
 def _pairs(rows: Iterable[tuple[str, str]]) -> Table:
-    """Names and texts as two columns, in the units that the environment asks for."""
+    """Names and texts as two columns, in the units that the environment variable ``AOSPLAN_UNITS``
+    gives.
+    """
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold")
     table.add_column()
@@ -343,7 +353,7 @@ def _pairs(rows: Iterable[tuple[str, str]]) -> Table:
 
 
 def print_predictions(columns: dict[str, tuple[int, Prediction]]) -> None:
-    """Print sets of samples side by side: their numbers, and the predictions."""
+    """Print predictions for several sets of samples side by side, with the numbers of samples."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for name in ("", *columns):
         table.add_column(one_line(name), justify="right" if name else "left", overflow="fold")
@@ -363,7 +373,7 @@ def print_predictions(columns: dict[str, tuple[int, Prediction]]) -> None:
 def print_simulation(
     simulation: Simulation, similar: dict[str, Any], written: Sequence[str]
 ) -> None:
-    """Print a prediction with its simulation, and whether they agree."""
+    """Print a prediction and its simulation, and whether they agree."""
     plan, found, settings = simulation.plan, simulation.simulated, simulation.settings
     pattern = plan.solution.pattern
     view = "" if settings.forest == "noise" else f", {settings.view} view"
@@ -376,7 +386,7 @@ def print_simulation(
             continue
         models = (plan.solution.prediction, simulation.predicted)
         numbers = [*(getattr(model, name) for model in models), value]
-        # Rounding must not give -0.
+        # Very small numbers are replaced by 0, so that they are not printed as -0.
         shown = [percent(number if abs(number) > 5e-5 else 0.0) for number in numbers]
         table.add_row(one_line(symbol), *shown, f"{100 * error:.2f} %")
     agree = "agree." if simulation.agree else "disagree:"
@@ -447,7 +457,7 @@ def print_scene(document: dict[str, Any]) -> None:
 
 
 def _by_angle(pairs: Sequence[Sequence[float]]) -> str:
-    """The density at a few angles, interpolated between those that were computed."""
+    """The density at a few angles, interpolated between the computed angles."""
     shown = []
     for wanted in (0.0, 10.0, 20.0, 30.0, 40.0):
         for (low, before), (high, after) in pairwise(pairs):

@@ -1,4 +1,4 @@
-"""Properties of the output stream: colours, characters, and text that suits them.
+"""Properties of the output stream (colours and characters), and text that is adapted to them.
 
 Colours follow https://no-color.org, https://force-color.org and https://bixense.com/clicolors:
 ``NO_COLOR`` has priority over ``FORCE_COLOR`` and ``CLICOLOR_FORCE``, which override the detection
@@ -56,7 +56,7 @@ HANDLER = "aosplan-plain"
 """Name of the error handler that makes these replacements."""
 
 POOR_TERMINALS = ("dumb", "linux", "unknown")
-"""Terminals with few characters, independently of the locale."""
+"""Types of terminals that show few characters, even if the locale has more."""
 
 MOST_PATHS = 6
 """Largest number of written files that are named."""
@@ -72,7 +72,7 @@ def _plain(error: UnicodeError) -> tuple[str, int]:
 
 
 def letter_of(character: str) -> str:
-    """A letter without accents, or a question mark if there is no such letter."""
+    """A letter without its accents, or a question mark if there is no such letter."""
     from unicodedata import normalize
 
     first = normalize("NFD", character)[0]
@@ -83,7 +83,7 @@ codecs.register_error(HANDLER, _plain)
 
 
 def is_terminal(stream: TextIO) -> bool:
-    """Whether a stream is a terminal; a closed stream is not."""
+    """Whether a stream is a terminal.  A closed stream is not a terminal."""
     try:
         return stream.isatty()
     except (AttributeError, ValueError):
@@ -91,7 +91,7 @@ def is_terminal(stream: TextIO) -> bool:
 
 
 def is_forced() -> bool:
-    """Whether styles are requested even if the output is not a terminal."""
+    """Whether the environment requests styles even if the output is not a terminal."""
     if os.environ.get("FORCE_COLOR"):
         return True
     return os.environ.get("CLICOLOR_FORCE", "0") not in ("", "0")
@@ -132,13 +132,13 @@ def print_notice(word: str, text: str) -> None:
 
 
 def written_text(paths: Sequence[str]) -> str:
-    """Text that names the files that were written, at most `MOST_PATHS` of them."""
+    """Text with the names of the files that were written, at most `MOST_PATHS` names."""
     more = f" and {len(paths) - MOST_PATHS} more" if len(paths) > MOST_PATHS else ""
     return f"Wrote {', '.join(paths[:MOST_PATHS])}{more}"
 
 
 def flowed(parts: Sequence[str], width: int, gap: str = "   ") -> list[str]:
-    """Short texts side by side, in as few lines of a given width as possible."""
+    """Put short texts side by side, in as few lines of a given width as possible."""
     lines: list[str] = []
     for part in parts:
         if lines and len(lines[-1]) + len(gap) + len(part) <= width:

@@ -1,4 +1,6 @@
-"""Rows of a plan's table: the best plans within half the time, the time, and twice the time."""
+"""Rows of a plan's table about a search within a time: the best plans within half the time, the
+time, and twice the time.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ OBJECTIVES = {
     "aperture": "extent {:.1f} m",
     "time": "{:.0f} s",
 }
-"""How the objectives are written in the table."""
+"""Text of each objective in the table."""
 
 
 def within_rows(answer: WithinResult) -> Iterator[tuple[str, str]]:
@@ -31,7 +33,7 @@ def within_rows(answer: WithinResult) -> Iterator[tuple[str, str]]:
 
 
 def row_text(row: WithinRow, objective: str) -> tuple[str, str]:
-    """The value of the best plan within a time, and how it is flown."""
+    """Text with the objective and the flight of the best plan within a time."""
     start = f"{row.minutes:.4g} min: "
     if row.timed is None or row.value is None:
         return start + "no plan is possible", ""

@@ -1,4 +1,4 @@
-"""Uniform scenarios solved as whole columns.
+"""Solution of uniform scenarios as whole columns.
 
 - `aosplan.sweeps.vectorized.inputs`: options as columns.
 - `aosplan.sweeps.vectorized.samples`: samples and baselines.

@@ -1,4 +1,4 @@
-"""Grids, and lengths and times of the flights over them, for whole columns."""
+"""Grids, and lengths and times of the flights over these grids, for whole columns."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ class _Grid(NamedTuple):
 
 
 class GridColumns(NamedTuple):
-    """Grids by scenario: samples, rows, columns, extents in baselines, and the legs of each.
+    """The grid of each scenario: samples, rows, columns, and extents in baselines.  The legs are
+    stored once for equal grids.
 
-    `places` has the index of each scenario's legs.
+    `places` has the index of the legs of each scenario.
     """
 
     samples: NDArray[np.int64]
@@ -50,7 +51,9 @@ def _grid(grid: str, samples: int) -> _Grid:
 
 
 def smallest_grids(wanted: Any, grid: Any) -> GridColumns:
-    """The smallest grids with the given numbers of samples; each distinct grid is computed once."""
+    """The smallest grids with the given numbers of samples.  Each distinct grid is computed
+    once.
+    """
     kinds, kind_places = np.unique(grid.astype(str), return_inverse=True)
     counts, count_places = np.unique(wanted, return_inverse=True)
     pairs, places = np.unique(
@@ -79,7 +82,7 @@ def smallest_grids(wanted: Any, grid: Any) -> GridColumns:
 
 
 def flights(grids: GridColumns, baseline: Any, aircraft: AircraftColumns) -> tuple[Any, Any]:
-    """Length of each path [m], and its time with a stop at every site [s]."""
+    """Length of each path [m], and time of the path with a stop at every site [s]."""
     most = max(map(len, grids.legs))
     table = np.zeros((2, most, len(grids.legs)))
     for column, found in enumerate(grids.legs):

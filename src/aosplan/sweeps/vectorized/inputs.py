@@ -46,10 +46,10 @@ VALUES: dict[str, tuple[Any, ...]] = {
     "rays": ("nadir",),
     "hold_error": (0.0,),
 }
-"""Options for which only these values can be solved as columns."""
+"""Values of some options that can be solved as columns.  Other values of these options cannot."""
 
 AIRCRAFT = ("camera", "drone", "payload", "autopilot", "camera_control", "altitude_frame")
-"""Options that decide the camera, the speeds and the autopilot together."""
+"""Options that together determine the camera, the speeds and the autopilot."""
 
 UNDERSTOOD = {
     "altitude",
@@ -89,26 +89,29 @@ UNDERSTOOD = {
     *AIRCRAFT,
     *VALUES,
 }
-"""Options that can be solved as columns, or do not change the results here."""
+"""Options that can be solved as columns, or that do not change the results of columns."""
 
 MOST_COUNTED = 1 << 53
-"""Numbers of samples above this are not distinguished, because all are too many."""
+"""Numbers of samples above this limit are not distinguished, because all of them are too large for
+a plan.
+"""
 
 
 def solvable_as_columns(block: Block) -> NDArray[np.bool_] | None:
-    """Mask of the scenarios whose options can all be solved as columns; None if there are none.
+    """Mask of the scenarios whose options can all be solved as columns; None if there are no such
+    scenarios.
 
-    The mask broadcasts to the block's shape.
+    The mask broadcasts to the shape of the block.
     """
     given = block.columns
     if not set(given) <= UNDERSTOOD:
         return None
     if "occluder_size" in given and given.keys().isdisjoint(("density", "integrated_density")):
-        return None  # presets and scene files have their own occluder size
+        return None  # Presets and scene files have their own occluder size.
     checked = {
         name: value
         for name, value in block.request_values(0).items()
-        # These options may have wrong values in some rows only.
+        # The values of these options may be wrong in some of the rows only.
         if name not in ("max_samples", "heading", *AIRCRAFT, *VALUES)
     }
     if "fov" in checked:
@@ -116,7 +119,7 @@ def solvable_as_columns(block: Block) -> NDArray[np.bool_] | None:
     try:
         PlanRequest(**checked)
     except RequestError:
-        return None  # options that contradict each other, or a missing option
+        return None  # Options contradict each other, or an option is missing.
     mask: NDArray[np.bool_] = np.True_  # type: ignore[assignment]  # broadcasts as any array
     for name in VALUES.keys() & given.keys():
         mask = mask & _among(given[name], VALUES[name])
@@ -129,7 +132,9 @@ def solvable_as_columns(block: Block) -> NDArray[np.bool_] | None:
 
 
 def known_share(name: str, column: NDArray[Any], folder: str) -> float:
-    """Share of an option's values that can be solved as columns, regardless of other options."""
+    """Share of an option's values that can be solved as columns.  Other options are not
+    considered.
+    """
     if name not in UNDERSTOOD:
         return 0.0
     if name == "scene":
@@ -173,7 +178,7 @@ def by_value(function: Callable[..., Any], dtype: Any, *columns: NDArray[Any]) -
 
 def _numbered(values: NDArray[Any]) -> tuple[list[Any], NDArray[np.intp]]:
     """The distinct values of an array, and the index of each element among them."""
-    if values.dtype == object:  # text and numbers may be mixed, which cannot be sorted
+    if values.dtype == object:  # Text and numbers may be mixed, so that they cannot be sorted.
         numbered = {value: place for place, value in enumerate(dict.fromkeys(values.flat))}
         places = np.array([numbered[value] for value in values.flat], dtype=np.intp)
         return list(numbered), places.reshape(values.shape)
@@ -200,7 +205,9 @@ class CameraColumns(Optics[Any]):
 
 
 class AircraftColumns(NamedTuple):
-    """The cameras, how they are flown, and whether the options of an aircraft are valid together."""
+    """The cameras and the settings of their flights, and whether the options of an aircraft can be
+    combined.
+    """
 
     camera: CameraColumns
     speed_mps: Any
@@ -210,7 +217,9 @@ class AircraftColumns(NamedTuple):
 
 
 def aircraft_columns(given: Columns, folder: str) -> AircraftColumns:
-    """The cameras and the flights of a block, as `aosplan.planning.resolve` resolves them."""
+    """The cameras and the settings of flights of a block, found in the same way as in
+    `aosplan.planning.resolve`.
+    """
     own = next((name for name in ("fov", "focal_length") if name in given), None)
     named = tuple(name for name in AIRCRAFT if name in given)
     resolve = partial(_aircraft, named, own, folder)
@@ -240,7 +249,7 @@ def _aircraft(
 ) -> tuple[float, ...]:
     """Numbers of the camera, speed and its limit, acceleration, and the number of the autopilot.
 
-    They are nan if the options are not valid together.
+    The numbers are nan if the options cannot be combined.
     """
     options: dict[str, Any] = dict(zip(names, values, strict=True))
     if own_camera is not None:
@@ -283,10 +292,10 @@ def altitude_columns(given: Columns, camera: CameraColumns) -> Any:
 
 
 class SceneColumns(NamedTuple):
-    """The parts of uniform scenes above the focal plane, with heights above it.
+    """The parts of uniform scenes above the focal plane, with heights relative to this plane.
 
-    `canopy_top_m` is above the ground.  `clear` is true if nothing is hidden, `empty` if there are
-    no occluders at all, and `known` if the scene is uniform.
+    `canopy_top_m` is above the ground.  `clear` is true if nothing is hidden.  `empty` is true if
+    there are no occluders at all.  `known` is true if the scene is uniform.
     """
 
     density: Any
@@ -302,7 +311,9 @@ class SceneColumns(NamedTuple):
 
 
 def scene_columns(given: Columns, folder: str) -> SceneColumns:
-    """The scenes of a block, cut as by `aosplan.scenes.scene.UniformScene.above`."""
+    """The scenes of a block, cut at the focal plane in the same way as in
+    `aosplan.scenes.scene.UniformScene.above`.
+    """
     by_slice = "density" in given
     known: Any = np.True_
     if by_slice or "integrated_density" in given:
@@ -344,7 +355,9 @@ def scene_columns(given: Columns, folder: str) -> SceneColumns:
 def _shares(
     slices: Any, whole: Any, left: Any, thickness: Any, size: Any, cut: Any = None
 ) -> tuple[Any, Any]:
-    """p and 1 - p of the remaining parts of volumes, from the density of a slice or of the whole."""
+    """p and 1 - p of the parts of volumes that remain, computed from the density of a slice or from
+    that of the whole volume.
+    """
     if whole is not None and cut is not None:
         whole = np.where(cut, density_of_part(whole, left, thickness, np), whole)
     if slices is None:
@@ -360,14 +373,14 @@ def _shares(
 
 
 def forget_files() -> None:
-    """Clear what was read from files."""
+    """Clear stored content of files."""
     uniform_scene.cache_clear()
     _aircraft.cache_clear()
 
 
 @lru_cache(maxsize=1000)
 def uniform_scene(name: str, folder: str) -> tuple[float, ...]:
-    """Numbers of a uniform scene from a preset or file, and whether there is one."""
+    """Numbers of a uniform scene from a preset or file, and whether there is such a scene."""
     file = os.path.splitext(name)[1].lower() in (".toml", ".json")
     found: Any = None
     if file or find_preset_scene(name) is not None:
@@ -386,10 +399,11 @@ def uniform_scene(name: str, folder: str) -> tuple[float, ...]:
 
 
 class TargetColumns(NamedTuple):
-    """The targets.
+    """The target visibilities.
 
-    `most` is the largest acceptable shortfall 1 - V̂, including the solver's tolerance.  `fewest`
-    is the number of samples that is enough if all are independent, or 0 if no number is enough.
+    `most` is the largest acceptable shortfall 1 - V̂, including the tolerance of the solver.
+    `fewest` is the number of samples that is enough if all samples are independent; it is 0 if no
+    number is enough.
     """
 
     symbol: str
@@ -399,7 +413,7 @@ class TargetColumns(NamedTuple):
 
 
 def target_columns(given: Columns, scene: SceneColumns) -> TargetColumns:
-    """The targets of a block, computed as exactly as by `aosplan.solver.problem.Requirement`."""
+    """The targets of a block, computed as exactly as in `aosplan.solver.problem.Requirement`."""
     if "visibility" not in given:
         shares = column(given, "vhat")
         counted = by_value(_counted, np.float64, shares)
@@ -415,10 +429,10 @@ def target_columns(given: Columns, scene: SceneColumns) -> TargetColumns:
 
 @lru_cache(maxsize=100_000)
 def _counted(share: float | str) -> tuple[float, float, int]:
-    """A target, its shortfall, and the number of samples that it needs."""
+    """A target, the shortfall that it allows, and the number of samples that it needs."""
     target = Requirement("normalized", _exact(share))
     fewest = target.fewest_independent(None)  # type: ignore[arg-type]  # whatever the model
-    assert fewest is not None  # a normalised target below 1 can always be met
+    assert fewest is not None  # A normalised target below 1 can always be met.
     return (*_values(target.target), min(fewest, MOST_COUNTED))
 
 
@@ -438,7 +452,9 @@ class _Nadir(NamedTuple):
 
 
 def _fewest_by_density(shares: Any, allowed: Any, p: Any, t: Any) -> NDArray[np.int64]:
-    """⌈p T / (1 - V - p²)⌉; in exact arithmetic if rounding could change the result."""
+    """⌈p T / (1 - V - p²)⌉.  It is computed in exact arithmetic if rounding could change the
+    result.
+    """
     shares, allowed, p, t = np.broadcast_arrays(shares, allowed, p, t)
     left = allowed - p * p
     count = p * t / left

@@ -1,9 +1,11 @@
-"""Samples and baselines of whole columns, if neighbours share no occluder: V̂ = 1 - 1/N.
+"""Samples and baselines of whole columns, for scenarios in which neighbours share no occluder: V̂ =
+1 - 1/N.
 
-These are the answers and the refusals of `aosplan.solver.solve_monotone` for the uniform model and
-the fewest samples.  Every quantity is an array over only the axes on which it depends.  If a limit
-of the grid's extent applies, or a baseline below that of the rule is given, the model uses slices
-(`aosplan.models.uniform`), and the scenario is deferred to be solved by itself.
+The results and the error messages are the same as those of `aosplan.solver.solve_monotone` for the
+uniform model and the smallest number of samples.  Every quantity is an array over only the axes on
+which it depends.  If a limit on the extent of the grid takes effect, or if a baseline below that of
+the coverage rule is given, the model uses slices (`aosplan.models.uniform`).  Such scenarios are
+deferred and solved individually.
 """
 
 from __future__ import annotations
@@ -31,9 +33,10 @@ if TYPE_CHECKING:
 
 
 class RequirementColumns(NamedTuple):
-    """The requirements of scenarios, as columns that broadcast to a block's shape; None: no limit.
+    """The requirements of scenarios, as columns that broadcast to the shape of a block.  None means
+    no limit.
 
-    `sound` is true if there is something to solve.  `ground_m` is the largest extent of the grid
+    `sound` is true for scenarios that can be solved.  `ground_m` is the largest extent of the grid
     along x and y for which all samples still see common ground.
     """
 
@@ -55,13 +58,14 @@ class RequirementColumns(NamedTuple):
         return self.baseline_m is not None and self.samples is not None
 
     def value(self, shortfall: Any) -> Any:
-        """The quantity of the target for a shortfall."""
+        """Value of the target's quantity for a given shortfall."""
         predicted = Prediction(self.density, self.transparency, shortfall)
         return predicted.normalized if self.target.symbol == "V̂" else predicted.expected
 
 
 class SolvedSamples(NamedTuple):
-    """Samples, baselines and shortfalls; not valid for scenarios that were refused or deferred.
+    """Samples, baselines and shortfalls.  They are not valid for scenarios that were refused or
+    deferred.
 
     `required` is nan if no number of samples is enough.
     """
@@ -75,7 +79,7 @@ class SolvedSamples(NamedTuple):
 def solve_samples(asked: RequirementColumns, statuses: RowStatuses) -> SolvedSamples:
     """Samples and baselines that meet the requirements of all rows.
 
-    Rows that cannot be met get the error of the solver.
+    Rows without a solution get the same error message as in the solver.
     """
     symbol, value, _, fewest = asked.target
     if not asked.fixed:
@@ -152,21 +156,26 @@ def _refuse_hopeless(asked: RequirementColumns, statuses: RowStatuses) -> None:
 
 
 def _lines(grid: str, samples: Counts) -> tuple[Counts, Counts, Counts]:
-    """Samples of the smallest patterns with this many, and their sides along x and y in baselines."""
+    """Number of samples of the smallest patterns with at least the given numbers, and sides of
+    these patterns along x and y in baselines.
+    """
     rows, columns = rectangle_at(grid, _index_for(grid, samples))
     return samples if grid == "trimmed" else rows * columns, columns - 1, rows - 1
 
 
 def _index_for(grid: str, samples: Counts) -> Counts:
-    """`aosplan.grid.patterns.index_for` for many sample counts."""
+    """The same as `aosplan.grid.patterns.index_for`, for an array of sample counts."""
     side = np.floor(np.sqrt(samples.astype(float))).astype(np.int64)
-    side += (side + 1) ** 2 <= samples  # the root of a float may be off by one
+    # The integer part of a floating-point root may be too small by one.
+    side += (side + 1) ** 2 <= samples
     side -= side**2 > samples
     return np.asarray(index_by_side(grid, samples, side))
 
 
 def _by_kind(function: Any, grid: Any, samples: Any) -> Any:
-    """Evaluate a function of grid and samples, for grids that may differ between scenarios."""
+    """Evaluate a function of the kind of grid and the samples.  The kind of grid may differ between
+    scenarios.
+    """
     shape = np.broadcast_shapes(np.shape(grid), np.shape(samples))
     result: Any = None
     for kind in sorted(set(grid.flat)):
@@ -180,7 +189,9 @@ def _by_kind(function: Any, grid: Any, samples: Any) -> Any:
 
 
 def _largest(grid: str, most: Any) -> tuple[Any, Any]:
-    """Samples of the largest pattern of a kind with at most this many, and its index."""
+    """Number of samples of the largest pattern of a kind with at most `most` samples, and index of
+    this pattern.
+    """
     index = _index_for(grid, most)
     rows, columns = rectangle_at(grid, index)
     index = index - ((rows * columns > most) & (grid != "trimmed"))

@@ -1,10 +1,10 @@
-"""Uniform scenarios solved as whole columns.
+"""Solution of uniform scenarios as whole columns.
 
-A block of scenarios needs a few array operations.  Every quantity is an array over only the axes on
-which it depends.  The steps and their order are those of `aosplan.planning.planner`: checks
+A block of scenarios needs only a few array operations.  Every quantity is an array over only the
+axes on which it depends.  The steps and their order are those of `aosplan.planning.planner`: checks
 (`aosplan.sweeps.block`), inputs (`aosplan.sweeps.vectorized.inputs`), samples and baselines
-(`aosplan.sweeps.vectorized.samples`), flights (`aosplan.sweeps.vectorized.flights`).  Scenarios
-that cannot be solved as columns are left to `aosplan.sweeps.solve_rows`.
+(`aosplan.sweeps.vectorized.samples`), flights (`aosplan.sweeps.vectorized.flights`).
+`aosplan.sweeps.solve_rows` solves the scenarios that cannot be solved as columns.
 """
 
 from __future__ import annotations
@@ -51,9 +51,10 @@ if TYPE_CHECKING:
 
 
 class SolvedColumns(NamedTuple):
-    """Results of a block by name, each broadcasting to its shape, and the status of each scenario.
+    """Results of a block by name, and the status of each scenario.
 
-    The results of scenarios that were refused or deferred are not valid.
+    The results broadcast to the shape of the block.  They are not valid for scenarios that were
+    refused or deferred.
     """
 
     columns: dict[str, NDArray[Any]]
@@ -66,12 +67,14 @@ class SolvedColumns(NamedTuple):
 
     @property
     def left(self) -> NDArray[np.bool_]:
-        """Mask of the scenarios that have to be solved by themselves."""
+        """Mask of the scenarios that have to be solved individually."""
         return np.asarray(self.statuses.status == DEFERRED)
 
 
 class _Rule(NamedTuple):
-    """Result of the coverage rule: the height of the occluder that determines it, and the baseline."""
+    """Result of the coverage rule: the height of the occluder that determines the baseline, and the
+    baseline.
+    """
 
     height_m: Any
     unit_m: Any
@@ -80,16 +83,15 @@ class _Rule(NamedTuple):
 def solve_columns(
     block: Block, folder: str = "", results: Sequence[str] = RESULTS
 ) -> SolvedColumns | None:
-    """Solve the scenarios of a block as columns; None if its options do not allow it.
+    """Solve the scenarios of a block as columns; None if its options do not allow this.
 
     Parameters
     ----------
     block
         The scenarios.
     folder
-        Folder in which file names of the scenarios are looked for first.
-    results
-        Results to compute; quantities that none of them needs are skipped.
+        Folder in which files of the scenarios are looked for first. results Results to compute.
+        Quantities that no result needs are skipped.
     """
     mask = solvable_as_columns(block)
     if mask is None:
@@ -162,7 +164,9 @@ def _ground(given: Columns, camera: CameraColumns, altitude: Any) -> tuple[Any, 
 def _refuse_altitudes(
     given: Columns, scene: SceneColumns, altitude: Any, statuses: RowStatuses
 ) -> None:
-    """Refuse altitudes within the canopy, or closer to it than the clearance."""
+    """Refuse altitudes that are within the canopy, or whose distance to the canopy is less than the
+    clearance.
+    """
     clearance = column(given, "clearance")
     top = scene.canopy_top_m - column(given, "focal_height")
     dense, is_given = ~scene.empty, "altitude" in given
@@ -184,7 +188,7 @@ def _refuse_altitudes(
 
 
 def _rule(given: Columns, scene: SceneColumns, altitude: Any, focal: Any) -> _Rule:
-    """The smallest baseline at which the wanted share of the occluders has d̂ >= 1."""
+    """The smallest baseline at which the required share of the occluders has d̂ >= 1."""
     coverage = column(given, "coverage")
     height = covered_height_m(scene.bottom_m, scene.top_m, coverage)
     return _Rule(height, unit_baseline_m(scene.occluder_size_m, height, altitude, focal, np))
@@ -207,7 +211,7 @@ def _refuse_scenes(given: Columns, scene: SceneColumns, rule: _Rule, statuses: R
 
 
 def _of_plans(samples: Any, statuses: RowStatuses) -> Any:
-    """Numbers of samples, replaced by 1 for refused scenarios, where they may be very large."""
+    """Numbers of samples.  For refused scenarios they may be very large and are replaced by 1."""
     if not statuses.texts:
         return samples
     sound = statuses.status == OK
@@ -217,7 +221,9 @@ def _of_plans(samples: Any, statuses: RowStatuses) -> Any:
 
 
 def _with_clear_views(given: Columns, clear: Any, found: SolvedSamples) -> SolvedSamples:
-    """Answers with one sample, or the requested number, for scenarios in which nothing is hidden."""
+    """Results in which scenarios without hidden ground have one sample, or the requested number of
+    samples.
+    """
     wanted = given.get("samples", np.int64(1))
     samples = np.where(clear, wanted, found.samples)
     return SolvedSamples(
