@@ -1,13 +1,14 @@
-"""Time to plan an area by its number of sites, and length of its flight over a lower bound.
+"""Time to plan an area by its number of sites, and length of its flight divided by a lower bound.
 
     python benchmarks/areas.py
     python benchmarks/areas.py --sites 1e2 1e4 1e6 --runs 5
 
 Each area is a disc, a comb of sixteen strips, or a disc with a no-fly zone in it.  Its size is
-chosen so that it takes about the given number of sites, which are 2.8 m apart with 50 in each
-aperture.  Rows are written to results/areas.csv.  They have the median seconds to read the file, to
-find the sites, to order them, and to compute a lower bound for every order; the length of the
-flight divided by this bound; and the share of the area that is covered.
+chosen so that it needs about the given number of sites.  Sites are 2.8 m apart, and each aperture
+has 50 sites.  Rows are written to results/areas.csv.  They have the median seconds to read the
+file, to find the sites, to order the sites, and to compute a lower bound of the length for any
+order.  They also have the length of the flight divided by this bound, and the share of the area
+that is covered.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ PLACE = (48.3, 14.3)
 
 
 def shape_of(kind: str, sites: float) -> object:
-    """An area [m] that takes about the given number of sites."""
+    """An area [m] that needs about the given number of sites."""
     # The sites cover a disc that is larger by half a window on all sides.
     radius = max(math.sqrt(sites / math.pi) * PITCH_M - 10.0, 2.0)
     if kind != "comb":
@@ -51,7 +52,7 @@ def shape_of(kind: str, sites: float) -> object:
 
 
 def write(shape: object, path: Path) -> str:
-    """Write a shape as GeoJSON around a place."""
+    """Write a shape as GeoJSON.  Its origin is at a given place."""
 
     def on_earth(points: np.ndarray) -> np.ndarray:
         latitudes, longitudes = to_wgs84(PLACE, *points.T.tolist())

@@ -2,13 +2,15 @@
 
     python benchmarks/cross_validation.py [CLOUD.laz ...]
 
-For each half of each plot (west, east, south, north) a plan is made with the measured model: for
-the best contrast and for the best visibility, with at most 49 samples, as a trimmed grid and as
-three lanes.  It is evaluated on the opposite half, together with the plan of the paper.  The
-paper's plan has the baseline at which 98 % of the occluders of the fitted half have d̂ >= 1, and as
-many samples on a trimmed grid as fit into the length of the fitted plan's path.  Generated stands
-are always used, and point clouds if given.  It takes a minute or two per stand, prints a table, and
-writes it to benchmarks/results/.
+For each half of each plot (west, east, south, north), plans with at most 49 samples are made with
+the measured model: for the best contrast and for the best visibility, as a trimmed grid and as
+three lanes.  Each plan is evaluated on the opposite half, together with the plan of the paper.  The
+baseline of the paper's plan is that at which 98 % of the occluders of the fitted half have d̂ >= 1.
+It is a trimmed grid with the largest number of samples whose path is not longer than that of the
+fitted plan.
+
+Generated stands are always used.  Point clouds are used in addition if they are given.  It takes a
+minute or two per stand, prints a table, and writes it to benchmarks/results/.
 """
 
 from __future__ import annotations
@@ -51,13 +53,15 @@ from support.forests import STANDS, clumped_forest  # noqa: E402 (its folder has
 ALTITUDE_M = 50.0
 SAMPLES = 49
 FOCAL_LENGTH_PX = 1e6
-"""So long that no occluder is smaller than a pixel."""
+"""This focal length is so large that no occluder is smaller than a pixel."""
 
 TARGET = Requirement("normalized", Fraction(98, 100))
 
 
 class Judged(NamedTuple):
-    """A fitted plan and the paper's plan of the same length, both evaluated on the other half."""
+    """A fitted plan and the paper's plan with the same path length, both evaluated on the other
+    half.
+    """
 
     stand: str
     fitted_on: str
@@ -77,7 +81,7 @@ class Judged(NamedTuple):
 
 
 def halves(volume: VoxelVolume) -> Iterator[tuple[str, VoxelVolume, VoxelVolume]]:
-    """Name of each half, the half itself, and the opposite half."""
+    """For each half: its name, its volume, and the volume of the opposite half."""
     _, rows, columns = volume.occupied.shape
     west, east = np.split(volume.occupied, [columns // 2], axis=2)
     south, north = np.split(volume.occupied, [rows // 2], axis=1)
@@ -108,7 +112,7 @@ def fitted(volume: VoxelVolume, objective: str, grid: str) -> tuple[Pattern, flo
 def rule_of(volume: VoxelVolume, path_m: float) -> tuple[Pattern, float]:
     """The paper's plan for a half, with as many samples as fit into a path of a given length."""
     slabs = layered_scene(volume, "half").slabs()
-    # The rule treats a voxel as an occluder.
+    # The coverage rule treats each voxel as an occluder.
     slabs = tuple(slab._replace(occluder_size_m=volume.voxel_m) for slab in slabs)
     baseline = coverage_baseline(slabs, ALTITUDE_M, FOCAL_LENGTH_PX, 0.98).baseline_m
     samples = 1

@@ -3,12 +3,13 @@
     python benchmarks/detection.py [CLOUD.laz ...]
 
 The forests are slices of independent occluders (presets, with densities from 0.3 to 0.97),
-generated stands with crowns, and the western halves of point clouds if given.  For each, the
-contrast is chosen at which the model predicts that about half of the targets are found, where
-errors of the prediction are largest.  Then forests that the model has not seen are searched: other
-slices, other stands with the same numbers, or the eastern half of the cloud.  Stands are also
-predicted by independent slices of the same density, as in a plan without a point cloud.  It takes
-ten minutes and writes tables and a figure to benchmarks/results/.
+generated stands with crowns, and the western halves of point clouds if given.  For each forest, the
+contrast is chosen so that the model predicts that about half of the targets are found.  At this
+contrast, errors of the prediction are largest.  Then forests that the model has not used are
+searched: other random slices, other stands with the same parameters, or the eastern half of the
+cloud.  For stands, there is also a prediction by independent slices of the same density, as in a
+plan without a point cloud.  It takes ten minutes and writes tables and a figure to
+benchmarks/results/.
 """
 
 from __future__ import annotations
@@ -49,7 +50,9 @@ STAND = (0.4, 2.5, 15.5, (SIZE_M, SIZE_M))
 
 
 class Case(NamedTuple):
-    """One comparison: its name and group, the photos, and what predicts and simulates it."""
+    """One comparison: its name and group, the photos, and the functions that predict and simulate
+    it.
+    """
 
     group: str
     name: str
@@ -203,7 +206,9 @@ def compared(case: Case) -> dict[str, object]:
 
 
 def ways():
-    """Time and error of each method: a person in the default scene, 49 photos, C = 1."""
+    """Time and error of each method for one case: a person in the default scene, 49 photos, C =
+    1.
+    """
     layers = UniformScene("u", 0.0095, 0.2, 2.506, 17.54).slices()
     pattern, signature = pattern_for("trimmed", 49), Signature(0.75, 0.0, 0.0)
     start = time.perf_counter()
@@ -264,7 +269,9 @@ MARKS = {
 
 
 def figure(rows: list[dict[str, object]]) -> None:
-    """Draw simulated against predicted detection, with the standard error of the simulation."""
+    """Draw simulated detection over predicted detection, with the standard error of the
+    simulation.
+    """
     import matplotlib as mpl
 
     mpl.use("Agg")

@@ -1,15 +1,15 @@
 """Run time and error of Eq. 2:  python benchmarks/equation_error.py
 
-V and 1 - V̂ of square grids from 4 to 10^12 samples at d̂ = 0.4 and p = 0.567, computed by
+The quantities are V and 1 - V̂ of square grids from 4 to 10^12 samples, at d̂ = 0.4 and p = 0.567.
+They are computed by
 
 - the paper's double sum as printed, in plain Python;
 - the same sum with NumPy arrays;
 - averages of shifted noise patterns of several sizes, as in the paper's Figs. 3 and 4;
-- aosplan, for single values and for an array,
-
-each compared with exact rational arithmetic (tests/reference/exact.py).  It also measures the rate
-of `aosplan.visibility` for arrays of random p, n and d̂.  It takes about a minute, prints a table,
-and writes it to benchmarks/results/ together with a figure.
+- aosplan, for single values and for an array.  Each result is compared with exact rational
+  arithmetic (tests/reference/exact.py).  It also measures the rate of `aosplan.visibility` for
+  arrays of random p, n and d̂.  It takes about a minute, prints a table, and writes it to
+  benchmarks/results/ together with a figure.
 """
 
 import csv
@@ -40,7 +40,7 @@ DHAT = DISPARITY_PX / OCCLUDER_PX
 
 SIDES = (2, 3, 5, 7, 10, 30, 100, 300, 1000, 3000, 10**4, 10**5, 10**6)
 SLOWEST_S = 2.0
-"""If a method needs this long, it is not run for larger N."""
+"""If a method takes longer than this, it is not run for larger N."""
 
 LARGEST_ARRAY = 10_000
 """Largest side for which the double sum is computed with one array (0.8 GB)."""
@@ -53,7 +53,7 @@ TRIPLES = 1_000_000
 
 
 class Row(NamedTuple):
-    """One method at one N: median time for a value, and errors relative to the exact values."""
+    """One method at one N: the median time for a value, and the relative errors."""
 
     method: str
     samples: int
@@ -158,7 +158,8 @@ def measure() -> list[Row]:
             seconds = timed(lambda n=side, m=size: averaged_noise(DENSITY, n, m, 0))
             runs = [averaged_noise(DENSITY, side, size, seed) for seed in SEEDS]
             add(f"noise pattern of {size} px", side, seconds, runs[0])
-            # A single run may be accurate by chance, so the root mean square of all is used.
+            # A single run may be accurate by chance. The root mean square of all runs is therefore
+            # used.
             reference = exact.visibility(DENSITY, k := exact.grid_shortfall(side, side, DHAT))
             rows[-1] = rows[-1]._replace(
                 error_v=rms([relative(v, reference) for v in runs]),
@@ -206,7 +207,7 @@ def rates() -> dict[str, list[float]]:
     return found
 
 
-# --- Telling -------------------------------------------------------------------------------
+# --- Output --------------------------------------------------------------------------------
 
 STYLES = {
     "double sum, plain Python": ("#b2182b", "s"),
@@ -216,7 +217,7 @@ STYLES = {
     "aosplan, array": ("#1a9850", "v"),
 }
 FLOOR = 1e-17
-"""Position in the figure of an error of 0."""
+"""Position at which an error of 0 is drawn in the figure."""
 
 LOWEST = 1e-19
 """Lower end of the figure."""
@@ -298,7 +299,7 @@ def draw_kind(axis, rows: list[Row], field: str, color: str, marker: str) -> Non
             chosen = [row for row in rows if row.samples == samples]
             line(chosen, "-")
             last = chosen[-1]
-            if field == "error_v":  # the three labels would overlap
+            if field == "error_v":  # Otherwise the three labels would overlap.
                 name(last, f"N = {samples}", (-2, -18 - 13 * (2 - index)), "center")
             else:
                 name(last, f"N = {samples}", (8, -3))

@@ -1,18 +1,18 @@
 """Run time and error of all methods to compute V̂:  python benchmarks/every_way.py [CLOUD.laz]
 
-V̂ of 49 views that are 1 and 2.8 m apart, with targets at the centre of the aperture, from 40 m
-above
+V̂ is computed for 49 views that are 1 m or 2.8 m apart, with targets at the centre of the aperture,
+from 40 m above
 
 - a uniform scene, the paper's forest,
 - a layered scene, `examples/stand.toml`,
-- a real stand from the point cloud, or generated trees if no cloud is given,
-
-by the uniform model, the layered model, the measured model (for the first two scenes from one plot
-that is generated with a seed), and the simulation with several numbers of volumes (for the real
-stand: of targets).  The error is the larger one of the two baselines, and for simulations its root
-mean square over seeds.  The reference is a simulation with many more volumes, whose standard error
-is drawn as a dotted line; for the real stand it is computed from all voxels with 12 x 12 targets
-each.  Times are for one prediction with the scene in memory: processor time, the median of three.
+- a real stand from the point cloud, or generated trees if no cloud is given.  The methods are the
+  uniform model, the layered model, the measured model, and the simulation.  For the first two
+  scenes, the measured model uses one random plot.  The simulation has several numbers of volumes,
+  or of targets for the real stand.  The error is the larger one of the errors at the two baselines;
+  for simulations, it is the root mean square over seeds.  The reference is a simulation with many
+  more volumes.  Its standard error is drawn as a dotted line.  For the real stand, the reference is
+  computed from all voxels, with 12 x 12 targets each.  Times are for one prediction with the scene
+  in memory.  They are processor times, and the median of three runs.
 
 It takes some minutes, prints a table, and writes it to benchmarks/results/ together with a figure.
 """
@@ -86,7 +86,9 @@ def plans(scene: str | None) -> list[Plan]:
 
 
 def models(scene, focal_px: float):
-    """The models that use only a scene's statistics, each as a function of the baseline."""
+    """The predictions of models that use only a scene's statistics, each as a function of the
+    baseline.
+    """
     rule = coverage_baseline(scene.slabs(), ALTITUDE_M, focal_px, 0.98)
     uniform = UniformModel(scene.integrated_density, scene.transparency, rule.baseline_m)
     layered = LayeredModel(scene.slices(), ALTITUDE_M)
@@ -109,7 +111,7 @@ def experiment(made: Plan, seed: int):
 
 
 def generated(name: str, made: list[Plan]) -> tuple[list[Row], float]:
-    """Rows of a scene that is described by statistics, and the standard error of its reference."""
+    """Rows for a scene that is described by statistics, and the standard error of the reference."""
     truth, floor = [], 0.0
     for each in made:
         samples = experiment(each, TRUTH_SEED).samples()
@@ -144,7 +146,7 @@ def generated(name: str, made: list[Plan]) -> tuple[list[Row], float]:
 
 
 def real(name: str, volume: VoxelVolume, focal_px: float) -> tuple[list[Row], float]:
-    """Rows of a stand with known voxels."""
+    """Rows for a stand with known voxels."""
     sites = {b: np.column_stack(local_sites(PATTERN, b, 0.0)) for b in BASELINES_M}
     truth = [measured(volume, 12)(b) for b in BASELINES_M]
     rows = []

@@ -3,9 +3,9 @@
 Run: python benchmarks/exports.py [--waypoints 10000] [--repeats 3]
 
 It writes benchmarks/results/exports.csv.  Each measurement runs in its own process.  Seconds are
-medians of processor time, from waypoints in memory to closed files.  GDAL (through pyogrio) writes
-the features that it has read from our file, with the same properties.  The limit is one second per
-format.
+medians of processor time, from waypoints in memory to closed files.  For comparison, GDAL (through
+pyogrio) writes the features and properties that it has read from the file of aosplan.  The limit is
+one second per format.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def mission_of(count: int):
 
 
 def ours(name: str, count: int, folder: str) -> tuple[float, int, int]:
-    """Seconds, files and bytes if aosplan writes the format."""
+    """Seconds, number of files and number of bytes if aosplan writes the format."""
     import numpy  # noqa: F401, ICN001 (loaded before the clock starts, as GDAL is)
 
     from aosplan.mission.export import formats, mission_files
@@ -51,13 +51,15 @@ def ours(name: str, count: int, folder: str) -> tuple[float, int, int]:
 
 
 def gdal(name: str, count: int, folder: str) -> tuple[float, int, int]:
-    """The same if GDAL writes the features that it has read from our file."""
+    """Seconds, number of files and number of bytes if GDAL writes the features that it has read
+    from the file of aosplan.
+    """
     import warnings
 
     import numpy as np
     from pyogrio import raw
 
-    path = os.path.join(folder, f"ours.{name}")  # written by `ours`
+    path = os.path.join(folder, f"ours.{name}")  # the file that `ours` has written
     out = os.path.join(folder, f"gdal.{name}")
     warnings.simplefilter("ignore")
     os.environ["OGR_GEOJSON_MAX_OBJ_SIZE"] = "0"
@@ -67,9 +69,10 @@ def gdal(name: str, count: int, folder: str) -> tuple[float, int, int]:
         names = list(meta["fields"])
     else:
         driver, options = "KML", {"dataset_options": {"ALTITUDEMODE": "relativeToGround"}}
-        layers = [raw.read(path, layer=layer) for layer in (1, 0)]  # the sites, and the path
+        # The two layers are the path and the sites.
+        layers = [raw.read(path, layer=layer) for layer in (1, 0)]
         geometry = np.concatenate([layer[2] for layer in layers])
-        names = ["Name"]  # the only property in our file
+        names = ["Name"]  # This is the only property in the file of aosplan.
         values = [layer[3][list(layer[0]["fields"]).index("Name")] for layer in layers]
         fields = [np.concatenate(values)]
     assert len(geometry) == count + 1

@@ -1,13 +1,15 @@
-"""Positions chosen for one stand, judged on pulses that they were not chosen from.
+"""Positions that are chosen with one half of the pulses of a stand and evaluated with the other
+half.
 
     python benchmarks/guided.py CLOUD.laz [random|lines]
 
-The pulses of a cloud are divided into halves, at random or by flight line.  Each half becomes a stand
-of its own.  Positions above a square of ground are chosen with the first stand, from all positions of
-a lattice of 1 m: those with the highest mean probability of detection, given how much each of them
-sees of the square, in a greedy choice that is improved by exchanges.  They are judged with the second
-stand, beside square grids of as many photos.  Times are those of stops of a second, in the order of a
-short path.  The table goes to benchmarks/results/guided_{random,lines}.csv; it takes half an hour.
+The pulses of a cloud are divided into halves, at random or by flight line.  Each half gives a
+separate stand.  With the first stand, positions above a square of ground are chosen from a lattice
+of 1 m.  They are the positions with the highest mean probability of detection, which follows from
+the share of the square that each position sees.  The choice is greedy and is improved by exchanges.
+The positions are evaluated with the second stand and compared with square grids of the same number
+of photos.  Flight times are for stops of one second, in the order of a short path.  The table is
+written to benchmarks/results/guided_{random,lines}.csv.  It takes half an hour.
 """
 
 from __future__ import annotations
@@ -43,14 +45,16 @@ LEVEL = 4.3
 """Threshold in standard deviations of the detector's output."""
 
 SPREAD = 0.5
-"""Standard deviation of the output of one photo, which the choice assumes."""
+"""Standard deviation of the detector's output for one photo that the choice assumes."""
 
 SQUARES = (((0, 0), 4.0), ((3, 3), 4.0), ((-4, 2), 4.0), ((0, 0), 8.0), ((2, -3), 8.0))
-"""Middles east and north of the plot's, and sides, of the ground that is searched [m]."""
+"""Squares of ground that are searched [m]: the middle, east and north of the middle of the plot,
+and the side.
+"""
 
 
 def half_of(path, how, half):
-    """The stand that one half of the pulses gives, realised with a seed of its own."""
+    """The stand from one half of the pulses.  Its opaque cells are drawn with a separate seed."""
     every, realised = fit.sound_beams, realise.realised
 
     def some(*given, **named):
@@ -74,7 +78,9 @@ def half_of(path, how, half):
 
 
 def seen_by(volume, positions, middle, side_m):
-    """Share of each patch of 0.9 m that each position sees, shape (positions, patches)."""
+    """For each position, the share of each patch of 0.9 m that it sees, shape (positions,
+    patches).
+    """
     _, rows, columns = volume.occupied.shape
     count = round(side_m / volume.voxel_m)
     row, column = (
@@ -146,7 +152,10 @@ class Judge:
 
 
 def path_s(sites, hold_s=1.0, speed=5.0, acceleration=2.0):
-    """Time of stops at sites: from the nearest to the nearest, improved by reversals."""
+    """Time of a path with stops at all sites.
+
+    The path always goes to the nearest remaining site.  It is then improved by reversals.
+    """
     apart = np.linalg.norm(sites[:, None] - sites, axis=2)
     short = 2.0 * np.sqrt(apart / acceleration)
     leg = np.where(apart < speed**2 / acceleration, short, apart / speed + speed / acceleration)

@@ -1,4 +1,4 @@
-"""Integral images: images per second by size, the cost of mapping single points, and peak memory.
+"""Integral images: images per second by image size, the time to map single points, and peak memory.
 
 Run: python benchmarks/integrate.py
 

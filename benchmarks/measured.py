@@ -1,16 +1,18 @@
 """Run time and error of the models for one stand:  python benchmarks/measured.py [CLOUD.laz]
 
-V and V̂ of 49 views that are 2 and 3.5 m apart, from 50 m above a stand of voxels, by
+V and V̂ are computed for 49 views that are 2 m or 3.5 m apart, from 50 m above a stand of voxels,
+by
 
 - the measured model with 1 x 1 to 8 x 8 targets per voxel, for both kinds of view, and with larger
   voxels;
-- the correlogram (its table once, then a prediction), also with fewer lags and directions;
+- the correlogram (the table is computed once, before the predictions), also with fewer lags and
+  directions;
 - the layered model, and the uniform model with the stand's p at d̂ = 1;
-- Embree through Open3D with 1 x 1 to 4 x 4 targets per voxel, if Open3D is installed,
-
-each compared with Embree with 8 x 8 targets per voxel (without Open3D: with the measured model with
-12 x 12).  Everything runs in one thread.  Without a cloud the stand is generated.  It takes a
-minute or two, prints a table, and writes it to benchmarks/results/ together with a figure.
+- Embree through Open3D with 1 x 1 to 4 x 4 targets per voxel, if Open3D is installed.  Each result
+  is compared with Embree with 8 x 8 targets per voxel.  Without Open3D, it is compared with the
+  measured model with 12 x 12 targets per voxel.  All methods run in one thread.  Without a cloud,
+  the stand is generated.  It takes a minute or two, prints a table, and writes it to
+  benchmarks/results/ together with a figure.
 """
 
 import argparse
@@ -71,7 +73,9 @@ Predictor = Callable[[float], Prediction]
 
 
 def open3d() -> Any:
-    """Open3D, or None if it is not installed: it is large and needs system libraries."""
+    """Open3D, or None if it is not installed.  Open3D is optional, because it is large and needs
+    system libraries.
+    """
     try:
         return importlib.import_module("open3d")
     except (ImportError, OSError) as error:
@@ -132,7 +136,7 @@ def embree(o3d: Any, volume: VoxelVolume) -> Callable[[str, int], Predictor]:
 
 def measured(volume: VoxelVolume, view: str, per_voxel: int) -> Predictor:
     def predict(baseline_m: float) -> Prediction:
-        # A new model for each prediction, so that no stored views are reused.
+        # Each prediction uses a new model, so that no stored views are used again.
         model = MeasuredModel(volume, ALTITUDE_M, view=view, targets_per_voxel=per_voxel)
         return model.predict(PATTERN, baseline_m)
 
@@ -140,7 +144,9 @@ def measured(volume: VoxelVolume, view: str, per_voxel: int) -> Predictor:
 
 
 def larger_voxels(volume: VoxelVolume, factor: int) -> VoxelVolume:
-    """The same stand with voxels that are larger by a factor, occupied if any part was occupied."""
+    """The same stand with voxels that are larger by a factor.  A large voxel is occupied if any of
+    its parts is occupied.
+    """
     pad = [(0, -size % factor) for size in volume.occupied.shape]
     blocks = np.pad(volume.occupied, pad)
     for axis in range(3):

@@ -1,8 +1,8 @@
 """The largest error of every model at extreme arguments:  python benchmarks/numerical_stress.py
 
-It runs the checks of `tests/reference/stress.py`.  For every quantity of every model it prints the
-largest error relative to exact or 60-digit arithmetic and the arguments at which it occurs.  The
-table is written to benchmarks/results/numerical_stress.md.
+It runs the checks of `tests/reference/stress.py`.  For every quantity of every model, it prints the
+largest error relative to exact or 60-digit arithmetic, and the arguments at which this error
+occurs.  The table is written to benchmarks/results/numerical_stress.md.
 """
 
 import sys

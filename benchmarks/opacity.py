@@ -1,11 +1,12 @@
-"""Opacity from pulses, compared with rays cast through known leaves and for several sizes of
-voxels.
+"""Opacity from pulses for several sizes of voxels, compared with rays that are cast through known
+leaves.
 
-``python benchmarks/opacity.py [CLOUD]`` writes ``results/opacity.csv``.  For generated stands it
-has p̄ and V of nine views 2 m apart from 50 m, by rays cast through the leaves.  Beside them are
-predictions from simulated pulses with calibrated and with equal energies, and from voxels that
-contain a point.  For a real cloud, if given, it has the same predictions for 49 views, without a
-reference.  Processor time is the time to read the cloud and to fit the opacity.
+``python benchmarks/opacity.py [CLOUD]`` writes ``results/opacity.csv``.  For generated stands, this
+file has p̄ and V of nine views that are 2 m apart, from 50 m, computed with rays that are cast
+through the leaves.  It also has predictions from simulated pulses with calibrated and with equal
+energies, and from voxels that contain a point.  If a real cloud is given, the file has the same
+predictions for 49 views of this cloud, without a reference.  The processor time is the time to read
+the cloud and to fit the opacity.
 """
 
 import csv

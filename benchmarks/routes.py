@@ -1,12 +1,13 @@
-"""Time to make flights from sites: turns, heights above terrain, times and batteries.
+"""Time to compute flights from sites: turns, heights above terrain, times and batteries.
 
     python benchmarks/routes.py
     python benchmarks/routes.py --sites 1e3 1e5 1e6
 
-It plans routes over square grids with sites 2.8 m apart.  For each kind of route it prints the
-microseconds per site, their ratio to the time for the positions alone, and the growth: the exponent
-k of sites^k relative to the previous grid.  The terrain is a raster of hills with pixels of 1 m,
-written to a temporary folder.  Times are medians of runs in one process, without imports.
+It plans routes over square grids with sites 2.8 m apart.  For each kind of route, it prints the
+microseconds per site, and this time divided by the time for the positions alone.  It also prints
+the growth: the time increases as sites^k from the previous grid, and k is printed.  The terrain is
+a raster of hills with pixels of 1 m, written to a temporary folder.  Times are medians of runs in
+one process, without imports.
 
 It writes benchmarks/results/routes.csv.
 """
@@ -96,7 +97,7 @@ def rows_for(counts: list[int], folder: str):
                     baseline_m=BASELINE_M,
                 )
 
-            work()  # imports
+            work()  # The first run imports modules and is not measured.
             taken = seconds(work, runs)
             earlier = before.get(kind)
             growth = (

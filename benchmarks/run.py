@@ -1,4 +1,4 @@
-"""Run every benchmark of the repository; tables and figures are written to results/.
+"""Run every benchmark of the repository.  Tables and figures are written to results/.
 
 Run: python benchmarks/run.py [NAME ...]
 """

@@ -1,16 +1,19 @@
-"""Time to compute the statistics of a point cloud and a plan on it, by the size of the cloud.
+"""Time to compute the statistics of a point cloud and a plan with it, by size of the cloud.
 
     python benchmarks/scene_speed.py
     python benchmarks/scene_speed.py --tiles 250:5e5 500:2e6 1000:2e7 --runs 3
 
-It writes tiles of crowns over rolling ground to a temporary folder, as LAZ, and prints a row for each.
-The columns are the seconds that ``laspy`` takes to read x, y and z of all points (``metres``); the
-seconds and the peak memory of the complete commands ``aosplan scene TILE --json`` and ``aosplan plan
---scene TILE --json``, without the cache; and those of the first command with a crop of 200 m.  Times
-are medians of processor time.  Each run is a process of its own on one core.
+It writes LAZ tiles of crowns over hilly ground to a temporary folder, and prints a row for each
+tile.
 
-A second table compares samples of the targets of the 500 m tile with all of its targets: the largest
-differences of p, V and V̂ of some plans from 60 m.
+One column has the seconds that ``laspy`` takes to read x, y and z of all points (``metres``).
+Other columns have the seconds and the peak memory of the complete commands ``aosplan scene TILE
+--json`` and ``aosplan plan --scene TILE --json``, without the cache.  The last columns are for the
+first of these commands with a crop of 200 m.  Times are medians of processor time.  Each run is a
+separate process on one core.
+
+A second table compares samples of the targets of the 500 m tile with all its targets.  It has the
+largest differences of p, V and V̂ for some plans at 60 m.
 
 It writes benchmarks/results/scene_speed.csv and benchmarks/results/scene_sample.csv.
 """
@@ -51,7 +54,9 @@ print(used.ru_utime + used.ru_stime, used.ru_maxrss, file=sys.stderr)
 
 
 def write_tile(path: Path, points: int, side_m: float) -> None:
-    """Write crowns of 3 m radius and 20 m height, a tree to 72 m², strip by strip."""
+    """Write crowns with a radius of 3 m and a height of 20 m, strip by strip.  There is one tree
+    per 72 m².
+    """
     from scipy.spatial import cKDTree
 
     rng = np.random.default_rng(points)
@@ -85,7 +90,7 @@ def write_tile(path: Path, points: int, side_m: float) -> None:
 
 
 def measured(script: str, *arguments: str) -> tuple[float, float]:
-    """Seconds of the processor and peak memory [MB] of a script in a process of its own."""
+    """Processor seconds and peak memory [MB] of a script that runs in a separate process."""
     single = dict.fromkeys(
         ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREADS", "MKL_NUM_THREADS"), "1"
     )
@@ -103,7 +108,9 @@ def measured(script: str, *arguments: str) -> tuple[float, float]:
 
 
 def sample_rows(path: Path) -> list[list[str]]:
-    """Differences between predictions from samples of the targets of a tile and from all of them."""
+    """Differences between predictions from samples of the targets of a tile and predictions from
+    all targets.
+    """
     from aosplan.grid.patterns import pattern_for
     from aosplan.models.measured import MeasuredModel
     from aosplan.scenes.files.point_cloud import read_voxels
@@ -132,7 +139,7 @@ def sample_rows(path: Path) -> list[list[str]]:
 
 
 def cells_of(seconds: float, megabytes: float) -> tuple[str, str]:
-    """Seconds and megabytes as the table has them."""
+    """Text of seconds and megabytes for the table."""
     return f"{seconds:.2f}", f"{megabytes:.0f}"
 
 
@@ -155,7 +162,8 @@ def main() -> None:
         for tile in options.tiles:
             side, points = (int(float(part)) for part in tile.split(":"))
             path = Path(folder) / f"{side}.laz"
-            # A child starts with its parent's peak memory, so another process writes.
+            # The peak memory of a child process starts with that of its parent. The tiles are
+            # therefore written by another process.
             writer = multiprocessing.get_context("spawn").Process(
                 target=write_tile, args=(path, points, side)
             )
@@ -170,7 +178,9 @@ def main() -> None:
                 [OURS, "scene", str(path), "--crop", crop],
             ]
             runs: list[list[tuple[float, float]]] = [[] for _ in commands]
-            for _ in range(options.runs):  # in turn, so that changes of the load affect all alike
+            # The measurements are interleaved, so that changes of the load affect all of them
+            # equally.
+            for _ in range(options.runs):
                 for command, found in zip(commands, runs, strict=True):
                     found.append(measured(*command))
             metres, *ours = (median(seconds for seconds, _ in each) for each in runs)

@@ -1,11 +1,11 @@
 """The simulator compared with Embree, and its scaling:  python benchmarks/simulation.py [CLOUD.laz]
 
-1. On the voxels of one stand with 49 views from 50 m, 1 to 3.5 m apart, in one thread: rays per
-   second, the error of V relative to Embree with 7 x 7 targets per voxel (root mean square over
-   three baselines and two headings), and how much longer Embree takes for the same error.  Without
-   Open3D this part is left out.
-2. Time and memory for growing numbers of targets, views and slices, up to 10⁴ x 10⁴ targets, each
-   in its own process.
+1.  For the voxels of one stand, with 49 views from 50 m that are 1 to 3.5 m apart, in one thread:
+   rays per second; the error of V relative to Embree with 7 x 7 targets per voxel (root mean square
+   over three baselines and two headings); and the time of Embree for the same error, divided by
+   that of the simulator.  Without Open3D, this part is left out.
+2.  Time and memory for increasing numbers of targets, views and slices, up to 10⁴ x 10⁴ targets.
+   Each simulation runs in a separate process.
 
 It takes some minutes, prints tables, and writes them to benchmarks/results/ together with figures.
 """
@@ -40,7 +40,7 @@ from matplotlib import pyplot as plt  # noqa: E402
 
 PATTERN = Pattern(7, 7)
 FLIGHTS = ((1.0, 0.0), (1.0, 30.0), (2.0, 0.0), (2.0, 30.0), (3.5, 0.0), (3.5, 30.0))
-"""Baselines [m] and headings [deg]; the time is measured for the fifth."""
+"""Pairs of baseline [m] and heading [deg].  The time is measured for the fifth pair."""
 
 SETTINGS = {"aosplan": (1, 2, 3, 4, 6), "Embree": (0.25, 0.5, 1, 2, 4)}
 TRUTH = 7
@@ -73,7 +73,7 @@ class Growth(NamedTuple):
 
 
 def best_time(call: Callable[[], object]) -> float:
-    """Seconds of processor time, which does not depend on other processes."""
+    """Processor time [s].  It does not depend on other processes."""
     times = []
     for _ in range(RUNS):
         start = time.process_time()
@@ -163,7 +163,7 @@ def claims(rows: list[Row]) -> list[str]:
             f"{mine[4].rays_per_second / other[4].rays_per_second:.0f} times Embree's; "
             f"error of V {mine[4].error_v:.5f}"
         )
-        # Single errors vary by chance, so a line is fitted to all of Embree's points.
+        # Single errors vary by chance. A line is therefore fitted to all points of Embree.
         fit = np.polyfit(*np.log([[row.error_v, row.seconds] for row in other.values()]).T, 1)
         for row in mine.values():
             seconds = float(np.exp(np.polyval(fit, np.log(row.error_v))))
@@ -178,7 +178,9 @@ def claims(rows: list[Row]) -> list[str]:
 
 
 def megabytes() -> float:
-    """Peak memory of this process; a child's `getrusage` starts with its parent's peak."""
+    """Peak memory of this process.  `getrusage` is used only if this fails, because its value for a
+    child starts with the peak of the parent.
+    """
     try:
         with open("/proc/self/status", encoding="ascii") as file:
             held = next(line for line in file if line.startswith("VmHWM"))

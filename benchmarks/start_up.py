@@ -1,11 +1,13 @@
-"""Start-up time of whole processes as multiples of bare Python, as medians of one run.
+"""Start-up time of whole processes, divided by the start-up time of Python.  The results are
+medians of one run.
 
 Run: python benchmarks/start_up.py [--repeats 25]
 
-On a busy machine processes wait for the processor; the result states how many were running or
-waiting.  The saved scenes are a generated clumped stand of 24 m, as ``aosplan scene --save`` writes
-it.  It writes benchmarks/results/start_up.csv.  Install aosplan as a user does (``pip install .``),
-because an editable install with PYTHONDONTWRITEBYTECODE compiles every module at every start.
+On a busy machine, processes wait for the processor.  The result therefore has the number of
+processes that were running or waiting.  The saved scenes contain a generated clumped stand of 24 m;
+they are written as by ``aosplan scene --save``.  It writes benchmarks/results/start_up.csv.
+Install aosplan as a user does (``pip install .``), because an editable install with
+PYTHONDONTWRITEBYTECODE compiles every module at every start.
 """
 
 from __future__ import annotations

@@ -1,17 +1,19 @@
 """Rate of sweeps:  python benchmarks/sweeps.py [--most 8] [--part growth|kinds|summary|workers]
 
-Scenarios per second of processor time of one core, the best of three runs, for
+The results are scenarios per second of processor time on one core, for the best of three runs.
+There are four parts:
 
-- **growth**: 10³ to 10^most uniform scenarios of a TOML crossing: in memory (b, N, V and V̂ as
-  whole columns), to Parquet as `aosplan sweep` writes it, and with a `--where` that keeps none of
-  them.  Each runs in a process of one thread, whose peak memory is measured.  They are compared
-  with the paper's Eq. 2 as a double sum, vectorised with NumPy over scenarios, and with one
-  `aosplan.plan` per scenario;
-- **kinds**: data frames of scenarios with binding bounds, without a solution, with layers and with
-  voxels, compared with one `aosplan.plan` per scenario;
-- **summary**: the cost of `--summary` with and without a file, from 10⁶ scenarios on;
-- **workers**: the same sweep with one worker and with two: elapsed time, which is only meaningful
-  on an idle machine, and the total processor time, with the load at the end.
+- **growth**: 10³ to 10^most uniform scenarios of a TOML crossing.  They are computed in memory (b,
+  N, V and V̂ as whole columns), written to Parquet as by `aosplan sweep`, and computed with a
+  `--where` that keeps no scenario.  Each measurement runs in a process with one thread, whose peak
+  memory is measured.  For comparison, there is the paper's Eq. 2 as a double sum, vectorised with
+  NumPy over scenarios, and one `aosplan.plan` per scenario;
+- **kinds**: data frames of scenarios in which bounds take effect, scenarios without a solution,
+  with layers and with voxels.  For comparison, there is one `aosplan.plan` per scenario;
+- **summary**: the time of `--summary` with and without a file, from 10⁶ scenarios on;
+- **workers**: the same sweep with one worker and with two workers.  The results are the elapsed
+  time, which is meaningful only on an idle machine, the total processor time, and the load of the
+  machine at the end.
 
 It prints tables, and writes them to benchmarks/results/sweeps*.csv together with a figure of the
 growth.
@@ -68,7 +70,7 @@ DENSE = "density = { start = 0.001, stop = 0.02, count = 5, spacing = 'log' }\n"
 
 
 def campaign(folder: Path, power: int, more: str = DENSE) -> Path:
-    """A crossing of 10^power scenarios; the altitude varies slowest."""
+    """A crossing of 10^power scenarios.  The altitude varies slowest."""
     path = folder / f"campaign_{power}.toml"
     path.write_text(
         "[sweep]\n"
@@ -93,7 +95,7 @@ def in_memory(crossing: ScenarioProduct) -> None:
 
 
 def double_sum(crossing: ScenarioProduct) -> None:
-    """V of Eq. 2 for 7 x 7 samples at each scenario's p and d̂ = 1, as the paper prints it."""
+    """V for 7 x 7 samples at each scenario's p and at d̂ = 1, by Eq. 2 in the form of the paper."""
     i, j = np.meshgrid(np.arange(7.0), np.arange(7.0), indexing="ij")
     for index in range(crossing.blocks):
         block = crossing.block(index)
@@ -111,13 +113,13 @@ def double_sum(crossing: ScenarioProduct) -> None:
 
 
 def row_by_row(crossing: ScenarioProduct, most: int = 2000) -> int:
-    """Plan evenly chosen scenarios of a crossing one by one, and return their number."""
+    """Plan evenly spaced scenarios of a crossing one by one, and return their number."""
     block = crossing.block(0)
     chosen = np.unique(np.linspace(0, block.rows - 1, min(block.rows, most)).astype(int))
     for row in chosen.tolist():
         try:
             plan(PlanRequest(**block.request_values(row)))
-        except AosplanError:  # a refusal also counts
+        except AosplanError:  # A scenario without a solution is also counted.
             continue
     return len(chosen)
 
@@ -147,7 +149,7 @@ def swept(*arguments: str, times: int = 1) -> tuple[float, float, float]:
 
 
 def growth(folder: Path, most: int) -> None:
-    """Rates against the number of scenarios."""
+    """Rates for different numbers of scenarios."""
     rows = []
     for power in range(3, most + 1):
         path = campaign(folder, power)
@@ -198,7 +200,7 @@ def draw(rates: Sequence[str], rows: Sequence[tuple[float, ...]]) -> None:
 
 
 def kinds_of(folder: Path) -> dict[str, dict[str, Iterable[Any]]]:
-    """Crossings by the property in which they differ from the plain one."""
+    """Crossings, by the property in which they differ from the plain crossing."""
     sys.path.insert(0, str(HERE.parent / "tests"))
     from support.forests import STANDS, clumped_forest
 
@@ -241,7 +243,9 @@ def kinds_of(folder: Path) -> dict[str, dict[str, Iterable[Any]]]:
 
 
 def kinds(folder: Path) -> None:
-    """Rates of data frames, as columns or as rows that share their geometry, compared with `plan`."""
+    """Rates of data frames that are solved as columns, or as rows with shared models, compared with
+    `plan`.
+    """
     rows = []
     for name, axes in kinds_of(folder).items():
         values = {
@@ -274,7 +278,9 @@ def kinds(folder: Path) -> None:
 
 
 def summaries(folder: Path, most: int) -> None:
-    """Rates and memory of sweeps with a summary, beside those of sweeps that are stored."""
+    """Rates and memory of sweeps with a summary, compared with those of sweeps whose rows are
+    stored.
+    """
     rows = []
     out = folder / "r.parquet"
     stored = ("--out", str(out))
@@ -298,7 +304,7 @@ def summaries(folder: Path, most: int) -> None:
 
 
 def workers(folder: Path) -> None:
-    """Elapsed time with one worker and with two."""
+    """Elapsed time with one worker and with two workers."""
     rows = []
     sweeps = {
         "10^7 uniform scenarios": campaign(folder, 7),

@@ -4,19 +4,22 @@
 
 Each plot is cut into two halves (west and east, and south and north) and into four quarters.  Grids
 of 9, 25 and 49 photos are predicted for all parts by the measured model, telecentric and in
-perspective.  The differences of p̄, V and V̂ between two parts are compared with the root of the
-sum of the squares of both standard errors (only of the part `plot`, because the opacity is the same
-in both).  If differences are normally distributed, 68 % of them are within one of these, and 95 %
-within two.  Grids whose rays cross more than half of a part are left out.
+perspective.  The difference of p̄, V and V̂ between two parts is divided by its standard error,
+which is the root of the sum of the squares of both standard errors.  Only the contribution `plot`
+is used, because both parts have the same error of opacity.  If differences are normally
+distributed, 68 % of these ratios are within 1, and 95 % are within 2.  Grids whose rays cross more
+than half of a part are left out.
 
-The plots are generated stands of 24 m and 48 m with Poisson numbers of trees, and clouds if given:
-each with the opacity from its pulses, if it has them, and with opaque voxels.  The last columns are
-the root mean squares of the predicted standard errors and of the differences.  It takes two minutes
-of processor time, prints a table, and writes it to benchmarks/results/.
+The plots are generated stands of 24 m and 48 m whose numbers of trees are Poisson distributed, and
+clouds if they are given.  Each cloud is used with the opacity from its pulses, if it has pulses,
+and with opaque voxels.  The last columns are the root mean squares of the predicted standard errors
+and of the differences.  It takes two minutes of processor time, prints a table, and writes it to
+benchmarks/results/.
 
-Limits: parts of one plot are neighbours, and more alike than two plots of a forest.  Two clouds are
-only two plots: differences of several grids between the same two parts are similar.  A row of real
-plots therefore has about ten independent differences, and its shares have an error of about 15 %.
+This benchmark has limits.  Parts of one plot are neighbours, and are more similar than two plots of
+a forest.  Two clouds are only two plots, and the differences of several grids between the same two
+parts are similar.  A row of real plots therefore has only about ten independent differences, and
+its shares have an error of about 15 %.
 """
 
 from __future__ import annotations
@@ -55,13 +58,15 @@ VIEWS = ("telecentric", "perspective")
 SEEDS = 4
 SEED = 1
 MOST_HIDDEN = 0.97
-"""Largest share of hidden columns; above it only a few gaps remain, and the cloud is left out."""
+"""Largest share of hidden columns.  If it is larger, only a few gaps remain, and the cloud is left
+out.
+"""
 
 QUANTITIES = ("density", "expected", "normalized")
 
 
 def pairs(volume: VoxelVolume) -> Iterator[tuple[str, VoxelVolume, VoxelVolume]]:
-    """All pairs of halves and of quarters of a plot, without odd last rows and columns."""
+    """All pairs of halves and of quarters of a plot.  A last odd row or column is left out."""
     rows, columns = (cells // 2 for cells in volume.occupied.shape[1:])
 
     def part(rows: slice, columns: slice) -> VoxelVolume:
@@ -92,7 +97,9 @@ def predicted(part: VoxelVolume, view: ViewKind, grid: tuple[float, int, float])
 
 
 def differences(volume: VoxelVolume) -> Iterator[tuple[str, str, list[tuple[float, float]]]]:
-    """For each grid: view, kind of parts, and difference and standard error of each quantity."""
+    """For each grid: the view, the kind of parts, and for each quantity the difference and its
+    standard error.
+    """
     cut = list(pairs(volume))
     for view in VIEWS:
         for grid in GRIDS:
@@ -121,7 +128,9 @@ def generated(side_m: float) -> Iterator[VoxelVolume]:
 
 
 def read(cloud: str) -> Iterator[tuple[str, VoxelVolume]]:
-    """A cloud with the opacity from its pulses, if any, and with opaque voxels of two sizes."""
+    """A cloud with the opacity from its pulses, if it has pulses, and with opaque voxels of two
+    sizes.
+    """
     from aosplan.scenes.files.point_cloud import read_voxels
 
     volume = read_voxels(cloud, voxel_m=0.25, opacity="auto")
@@ -170,7 +179,9 @@ def main() -> None:
 
 
 def together(rows: list[list[str]]) -> list[list[str]]:
-    """Mean shares of the real plots, with equal weights for plots whatever their readings."""
+    """Mean shares of the real plots.  Each plot has the same weight, regardless of the number of
+    ways in which it was read.
+    """
     found = []
     for view in VIEWS:
         for quantity in QUANTITIES:

@@ -1,14 +1,15 @@
-"""`plan --within` compared with brute force over everything that it may choose.
+"""`plan --within`, compared with a brute-force search over all options that it may choose.
 
     python benchmarks/within.py
 
-Ten requests with areas and a single place, several presets, cameras, batteries and winds.  Brute
-force makes a request for each combination on a coarse grid of everything that `--within` may
-choose: altitudes, triggers, headings, kinds of grid (square, rectangle, line, lanes with several
-numbers and pitches), samples and spacings.  No combination that is back within the time should find
-over 2 % more than the plan.  Flights are only laid out for combinations that would find more than
-the plan less 0.05, and whose photos alone do not already take too long.  It takes some minutes and
-writes the table to benchmarks/results/within.csv.
+There are ten requests for areas and for a single place, with several presets, cameras, batteries
+and winds.  The brute-force search makes a request for each combination of coarse values of the
+options that `--within` may choose: altitudes, triggers, headings, kinds of grid (square, rectangle,
+line, lanes with several numbers and pitches), samples and spacings.  No combination whose flight
+fits into the time should have a probability of detection that is more than 2 % higher than that of
+the plan.  Flights are planned completely only for combinations whose probability exceeds that of
+the plan minus 0.05, and whose photos alone do not take too long.  The benchmark takes some minutes
+and writes the table to benchmarks/results/within.csv.
 """
 
 from __future__ import annotations
@@ -105,7 +106,9 @@ CASES: dict[str, tuple[str | None, dict[str, Any]]] = {
 
 
 class Tried(NamedTuple):
-    """Result of brute force: numbers of combinations and of those laid out, and the best one."""
+    """Result of the brute-force search: the number of combinations, the number of flights that were
+    planned completely, and the best combination.
+    """
 
     combinations: int
     laid_out: int
@@ -141,7 +144,7 @@ def request_of(area: str | None, values: dict[str, Any], folder: str) -> PlanReq
 
 
 def compared(name: str, request: PlanRequest) -> dict[str, Any]:
-    """A row: the plan, and the best of brute force."""
+    """A row of the table: the plan, and the best combination of the brute-force search."""
     start = time.process_time()
     found = plan(request)
     seconds = time.process_time() - start
@@ -166,7 +169,9 @@ def compared(name: str, request: PlanRequest) -> dict[str, Any]:
 
 
 def brute_force(request: PlanRequest, floor: float) -> Tried:
-    """The best combination within the time, of those that find more than the plan less 0.05."""
+    """The best combination within the time, among those whose predicted probability exceeds `floor`
+    - 0.05.
+    """
     scene = load_scene(request)
     assert request.within is not None
     allowed_s = 60.0 * request.within
@@ -189,7 +194,7 @@ def brute_force(request: PlanRequest, floor: float) -> Tried:
             if probability <= best:
                 continue
             for trigger, heading in itertools.product(triggers, headings):
-                # Each photo takes some time, and an area has about one photo per cell of the grid.
+                # Each photo takes some time. An area has about one photo per cell of the grid.
                 photos = max(area_m2 / (baseline**2 * pitch), rows * columns) - rows
                 each_s = request.hold if trigger == "stop" else request.photo_interval
                 if photos * (each_s or 0.0) > allowed_s or probability <= best:
@@ -231,7 +236,7 @@ def altitudes_of(request: PlanRequest) -> list[float]:
 
 
 def widest_m(inputs: PlanInputs, rows: int, columns: int, pitch: float) -> float:
-    """Largest spacing at which a target is still in the images of all sites around it."""
+    """Largest spacing at which a target is inside the images of all sites around it."""
     x, y = inputs.footprint_m
     if inputs.area is not None:
         return min(x / columns, y / (rows * pitch))
@@ -239,7 +244,9 @@ def widest_m(inputs: PlanInputs, rows: int, columns: int, pitch: float) -> float
 
 
 def kinds() -> Iterator[tuple[str, int, int, float]]:
-    """Kinds of grid with rows, columns, and the pitch across the heading in units of the spacing."""
+    """Kinds of grid, with their rows, columns, and pitch across the heading in units of the
+    spacing.
+    """
     for side in (2, 3, 4, 5, 6, 8, 10, 14):
         yield "square", side, side, 1.0
         yield "rectangle", side, side + 1, 1.0

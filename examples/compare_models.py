@@ -1,4 +1,4 @@
-"""Results of the uniform and the layered model for the same stand.
+"""Compares the results of the uniform and the layered model for the same stand.
 
 Run: python examples/compare_models.py
 """

@@ -1,4 +1,4 @@
-"""The equations on arrays: visibility as a function of samples and disparity.
+"""Evaluates the equations for arrays: visibility as a function of samples and disparity.
 
 Run: python examples/equations.py
 """

@@ -1,1 +1,1 @@
-"""Extensions of Sphinx, and functions that generate and test the pages."""
+"""Extensions of Sphinx, and functions that generate and test the pages of the documentation."""

@@ -1,10 +1,10 @@
-"""Additions to the output of Sphinx and the theme for keyboards and screen readers."""
+"""Changes to the output of Sphinx and its theme, for users of keyboards and screen readers."""
 
 import re
 
 PARAMETERS = re.compile(r"<dl>\n(?:<dd>.*</dd>\n)+</dl>")
-"""A signature over several lines, which is a list of definitions without terms and therefore not
-valid.
+"""Matches a signature over several lines.  Sphinx writes it as a list of definitions without terms,
+which is not valid HTML.
 """
 
 

@@ -1,4 +1,4 @@
-"""The directive ``{chapters}``: the diagram of the chapters, drawn when the page is read."""
+"""The directive ``{chapters}``, which draws the diagram of the chapters when the page is built."""
 
 from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
@@ -7,7 +7,7 @@ from . import chapters
 
 
 class Chapters(SphinxDirective):
-    """The directive."""
+    """The directive ``{chapters}``."""
 
     def run(self):
         for path in chapters.SOURCE.rglob("*.py"):

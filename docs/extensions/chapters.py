@@ -1,11 +1,11 @@
-"""The chapters of ``src/aosplan``: a diagram of their imports, and the responsibility of each.
+"""The chapters of ``src/aosplan``: a diagram of their imports, and a description of each chapter.
 
     ```{chapters}
     ```
 
-Everything is read from the syntax trees of the source files.  A chapter is one row above the
-highest chapter that it imports, so that all arrows of the diagram point down.  The build fails if
-imports between chapters form a cycle.
+The imports are read from the syntax trees of the source files.  Each chapter is one row above the
+highest chapter that it imports.  All arrows of the diagram therefore point downwards.  The build
+fails if imports between chapters form a cycle.
 """
 
 import ast
@@ -26,13 +26,13 @@ ROW_PX, COLUMN_PX, POINT_PX, MARGIN_PX = 80, 150, 60, 12
 
 
 class Arrow(NamedTuple):
-    """One chapter imports another, in the given number of places."""
+    """An import of one chapter by another, with the number of places of this import."""
 
     upper: str
     lower: str
     imports: int
     is_implied: bool
-    """Whether a path over other arrows leads to the same chapter."""
+    """Whether a path along other arrows leads to the same chapter."""
 
 
 def chapters():
@@ -88,10 +88,11 @@ def rows(found):
 
 
 def places(found):
-    """Centres of the boxes, and points of the long arrows, in the diagram [px].
+    """Centres of the boxes in the diagram, and intermediate points of long arrows [px].
 
-    Rows are ordered by the means of their neighbours' positions (Sugiyama, Tagawa and Toda, 1981).
-    An arrow over several rows has a point in each row between, so that it crosses no box.
+    The boxes of a row are ordered by the mean positions of their neighbours (Sugiyama, Tagawa and
+    Toda, 1981).  An arrow over several rows has a point in each row between its ends, so that it
+    does not cross a box.
     """
     table = [list(row) for row in rows(found)]
     level = {name: line for line, row in enumerate(table) for name in row}
@@ -119,7 +120,7 @@ def places(found):
 
 
 def _spread(row):
-    """Nodes of a row with their x [px], relative to the middle of the row."""
+    """Nodes of a row with their x coordinates [px], relative to the middle of the row."""
     widths = [COLUMN_PX if isinstance(node, str) else POINT_PX for node in row]
     ends = list(accumulate(widths))
     return [
@@ -149,7 +150,7 @@ def svg():
 
 
 def _curve(arrow, place):
-    """An arrow as a smooth line from the lower edge of one box to the upper edge of another."""
+    """An arrow as a smooth line from the lower edge of one box to the upper edge of another box."""
     (x0, y0), *points, (x1, y1) = (
         place[arrow.upper],
         *(xy for node, xy in place.items() if node[0] == arrow),
@@ -173,7 +174,7 @@ def _box(text, x, y, width, height, kind="box"):
 
 
 def described(found):
-    """A description of the diagram in words."""
+    """A description of the diagram as text."""
     table = "; ".join(", ".join(row) for row in rows(found))
     direct = ", ".join(f"{each.upper} to {each.lower}" for each in found if not each.is_implied)
     return (
@@ -183,9 +184,7 @@ def described(found):
 
 
 def owned():
-    """Responsibilities of each chapter, from the docstrings of its package and modules, as
-    Markdown.
-    """
+    """Descriptions of each chapter as Markdown, from the docstrings of its package and modules."""
     parts = []
     for row in rows(arrows()):
         for name in row:

@@ -1,4 +1,4 @@
-"""The reference of the command line as Markdown, generated from the commands."""
+"""Generates the reference of the command line as Markdown, from the commands."""
 
 from functools import partial
 from importlib import import_module
@@ -20,7 +20,7 @@ UNITS = {
     "M/S": "metres a second",
     "M/S²": "metres a second squared",
 }
-"""Unit of a value by the placeholder in the help."""
+"""Unit of a value, by its placeholder in the help."""
 
 DOMAINS = {
     q.number: "any number",
@@ -46,11 +46,11 @@ DOMAINS = {
     parsers.length_units: "one or two units of length by their short names or their names in EPSG",
     parsers.payload: "a payload of [](presets.md#payloads)",
 }
-"""Values that the parsers of `aosplan.planning.option_parsers` accept."""
+"""Text about the values that each parser of `aosplan.planning.option_parsers` accepts."""
 
 
 def domain(parse):
-    """The values that an option's parser accepts, in words."""
+    """Text about the values that an option's parser accepts."""
     while isinstance(parse, partial):
         parse = parse.args[0] if parse.func is parsers.bounded else parse.func
     if parse in DOMAINS:
@@ -67,19 +67,19 @@ def loaded(name):
 
 
 def overview():
-    """The list of commands, one line each."""
+    """The list of commands, with one line for each command."""
     rows = [f"- [`aosplan {name}`](#aosplan-{name}): {text}" for name, text in COMMANDS.items()]
     return "\n".join(rows)
 
 
 def program():
-    """The options of the program itself."""
+    """The options of the program that belong to no command."""
     options = "\n".join(_option(each) for each in GROUP.params)
     return f"```{{program}} aosplan\n```\n\n{options}"
 
 
 def command(name):
-    """One command: usage, arguments, options by panel, examples."""
+    """The reference of one command: usage, arguments, options by group, and examples."""
     found = loaded(name)
     arguments = [each for each in found.params if each.param_type_name == "argument"]
     named = [each for each in found.params if each.param_type_name == "option"]
@@ -102,7 +102,7 @@ def command(name):
 
 
 def usage(found, name):
-    """The line of usage."""
+    """The line that shows the usage of a command."""
     words = ["aosplan", name, "[OPTIONS]"]
     for each in found.params:
         if each.param_type_name == "argument":
@@ -112,18 +112,18 @@ def usage(found, name):
 
 
 def flag(parameter):
-    """An option with its placeholder."""
+    """The name of an option with its placeholder."""
     return parameter.opts[-1]
 
 
 def described(parameter):
-    """An option's text and its default, which is in brackets in the help."""
+    """The description and the default of an option.  In the help, the default is in brackets."""
     match = fullmatch(r"(.*?)\s*\[([^\[\]]+)\]", parameter.help or "")
     return (match[1], match[2]) if match else (parameter.help or "", "")
 
 
 def facts(parameter):
-    """Unit, domain and default of an option, in words."""
+    """Text about unit, domain and default of an option."""
     known = BY_NAME.get(flag(parameter)[2:].replace("-", "_"))
     unit = UNITS.get(parameter.metavar or "", "")
     accepted = domain(known.parse) if known is not None and _is_plans(parameter) else ""
@@ -147,6 +147,6 @@ def _option(parameter):
 
 
 def _text(text):
-    """Help as Markdown, in which only backticks are markup."""
+    """Text of the help as Markdown.  Only its backticks are treated as markup."""
     kept = "".join(f"\\{c}" if c in "*_<>[]$" else c for c in text)
     return kept.replace("--", "\\-\\-") if "`" not in kept else kept

@@ -1,4 +1,6 @@
-"""The reference of documents as Markdown, from the JSON Schemas that `aosplan schema` prints."""
+"""Generates the reference of documents as Markdown, from the JSON Schemas that `aosplan schema`
+prints.
+"""
 
 import re
 
@@ -15,7 +17,7 @@ UNITS = {
     "mps": "m/s",
     "mps2": "m/s²",
 }
-"""Unit by the last part of a name."""
+"""Unit of a field, by the last part of its name."""
 
 
 def unit(name):
@@ -30,7 +32,7 @@ def document(name):
 
 
 def parts():
-    """The tables within documents, each once, by name."""
+    """The tables within documents, by name.  Each table is included once."""
     found = {}
     for name in DOCUMENTS:
         found |= json_schema(name).get("$defs", {})
@@ -54,7 +56,7 @@ def fields(schema):
 
 
 def _kind(about, name):
-    """The allowed values in words."""
+    """Text about the allowed values."""
     if "$ref" in about:
         title = about["$ref"].rpartition("/")[2]
         return f"[{_title(title)}](#{_anchor(title)})"
@@ -88,7 +90,7 @@ def _sentence(schema):
 
 
 def _title(name):
-    """A part's name in words: ``WaypointDocument`` is a waypoint."""
+    """A part's name as text: "waypoint" for ``WaypointDocument``."""
     words = re.findall(r"[A-Z][a-z0-9]*", name.removesuffix("Document"))
     return " ".join(words).capitalize()
 
@@ -98,5 +100,7 @@ def _anchor(name):
 
 
 def _cell(text):
-    """Text of a cell, with the default of an option in words instead of brackets."""
+    """Text of a table cell.  The default of an option is written as a phrase instead of
+    brackets.
+    """
     return re.sub(r"\s*\[([^\[\]]+)\]$", r" Default: \1.", text).replace("|", "\\|")

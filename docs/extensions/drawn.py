@@ -1,4 +1,4 @@
-"""Pictures that are drawn by commands on the page, together with these commands.
+"""The directive ``{drawn}``: shows commands and the pictures that they draw.
 
     ```{drawn} forest.png
     :alt: What is to be seen, for those who do not see it
@@ -7,11 +7,12 @@
     aosplan simulate --altitude 40 --picture forest.png
     ```
 
-When the first picture of a page is needed, all blocks of the page run from top to bottom, so that a
-picture can use files that earlier blocks wrote.  Pictures are not kept in the repository.  With
-``:language: python`` the content is Python code that saves the picture.  With ``:alt: described``
-the description is the one that the command prints, as `aosplan plot` does, and the figure is drawn
-a second time for dark pages.  If the output is an ``.html`` file, the page has a link to it.
+When the first picture of a page is needed, all blocks of the page run from top to bottom.  A
+picture can therefore use files that earlier blocks have written.  The repository does not contain
+the pictures.  With ``:language: python``, the content is Python code that saves the picture.  With
+``:alt: described``, the description is the text that the command prints, as `aosplan plot` does,
+and the figure is drawn a second time for dark pages.  If the output is an ``.html`` file, the page
+has a link to this file.
 """
 
 import os
@@ -26,7 +27,7 @@ from .examples import Failed, command_lines, follow, inside, run_line
 
 
 class Drawn(SphinxDirective):
-    """The directive."""
+    """The directive ``{drawn}``."""
 
     required_arguments = 1
     has_content = True
@@ -56,11 +57,11 @@ class Drawn(SphinxDirective):
             raise self.error(f"an example of this page: {failed}") from failed
         texts, messages = self.parse_inline(self.options["caption"])
         figure = nodes.figure("", *images, nodes.caption("", "", *texts))
-        # A picture that was written by an earlier block has no command here.
+        # If an earlier block has written the picture, this block has no command.
         return [*([shown] if command else []), figure, *messages]
 
     def _followed(self):
-        """The folder of the page's files, and the output of the commands for its pictures."""
+        """The folder of the page's files, and the output of the commands that draw its pictures."""
         folder = Path(self.env.doctreedir).parent / "drawn" / self.env.docname
         if "drawn" not in self.env.temp_data:
             folder.mkdir(parents=True, exist_ok=True)
@@ -94,7 +95,7 @@ class Drawn(SphinxDirective):
         return nodes.image(uri=uri, alt=words, classes=[*classes], **wide)
 
     def _link(self, page):
-        """A link to a page that was written."""
+        """A link to an HTML page that a command has written."""
         words = self.options["caption"]
         link = addnodes.download_reference("", words, reftarget=self._from_here(page))
         return nodes.paragraph("", "", link)
@@ -104,7 +105,7 @@ class Drawn(SphinxDirective):
 
 
 def is_page(name):
-    """Whether the output is a page, which is linked, rather than a picture."""
+    """Whether the output is an HTML page instead of a picture."""
     return name.endswith(".html")
 
 

@@ -1,14 +1,17 @@
-"""Find and run the code blocks of pages, and compare the output with that on the pages.
+"""Find and run the code blocks of pages, and compare the output with the output on the pages.
 
-The blocks of a page run from top to bottom in a folder of their own:
+The blocks of a page run from top to bottom in a new folder:
 
-- ``sh``: the lines run, `aosplan` in this process;
-- ``text`` directly after it: the output of these lines, in which a line ``...`` matches any lines;
-- a block with a caption: a file of this name, which exists from then on;
-- ``python``: code that runs in one namespace per page; comments show its output;
-- ``drawn``: lines that run like those of ``sh``, or of ``python`` with ``:language: python``.
+- ``sh``: the lines are executed; `aosplan` runs in this process;
+- ``text`` directly after ``sh``: the output of these lines.  A line ``...`` matches any number of
+  lines;
+- a block with a caption: the content of a file with this name.  Later blocks can use the file;
+- ``python``: code that is executed.  All blocks of a page use the same namespace.  Comments show
+  the output;
+- ``drawn``: lines that are executed like those of ``sh``, or like those of ``python`` with
+  ``:language: python``.
 
-Blocks in other languages (``console``, ``toml`` without a caption) are only shown.
+Blocks in other languages (``console``, ``toml`` without a caption) are not executed.
 
     python docs/extensions/examples.py [PAGE ...]      # prints the differences
     python docs/extensions/examples.py --write [PAGE]  # writes them, except where a line is ``...``
@@ -32,7 +35,7 @@ FENCE = re.compile(
     r"^(?P<fence>```+)(?P<info>[^\n`]*)\n(?P<body>.*?)^(?P=fence)[ ]*$", re.MULTILINE | re.DOTALL
 )
 PREPARATION = ("python3 -m venv ", "pip install ", ".venv/bin/")
-"""Lines that are skipped, because the environment is already prepared."""
+"""Beginnings of lines that are skipped, because the environment is already prepared."""
 
 
 class Block(NamedTuple):
@@ -53,7 +56,7 @@ def pages():
 
 
 def blocks(text):
-    """Code blocks of a page, in order."""
+    """The code blocks of a page, in order."""
     for match in FENCE.finditer(text):
         kind, _, argument = match["info"].strip().partition(" ")
         directive = kind.startswith("{")
@@ -74,7 +77,9 @@ def blocks(text):
 
 
 def command_lines(body):
-    """Lines of a shell block with continued lines joined, without comments and preparation."""
+    """Lines of a shell block.  Continued lines are joined; comments and lines of preparation are
+    left out.
+    """
     for line in body.replace("\\\n", " ").splitlines():
         words = line.strip()
         if words and not words.startswith(("#", *PREPARATION)):
@@ -82,7 +87,7 @@ def command_lines(body):
 
 
 class Failed(Exception):  # noqa: N818 (it is told, not raised through)
-    """A line of a page does not do what the page shows."""
+    """The result of a line differs from the result that the page shows."""
 
 
 def run_line(line):
@@ -121,7 +126,7 @@ def _run(words):
 
 
 class _Captured(io.TextIOWrapper):
-    """A text stream in memory with the buffer to which JSON is written."""
+    """A text stream in memory.  JSON is written to its buffer."""
 
     def __init__(self):
         super().__init__(io.BytesIO(), encoding="utf-8", write_through=True)
@@ -132,7 +137,7 @@ class _Captured(io.TextIOWrapper):
 
 
 def same(shown, printed):
-    """Whether the output on a page equals the printed one; ``...`` matches any lines."""
+    """Whether the output on a page equals the printed output.  ``...`` matches any lines."""
     lines = _tidy(shown).splitlines()
     pattern = "".join(r"(?:.*\n)*" if line == "..." else re.escape(f"{line}\n") for line in lines)
     return re.fullmatch(pattern, f"{_tidy(printed)}\n") is not None
@@ -143,12 +148,13 @@ def _tidy(text):
 
 
 def follow(text, folder):
-    """Run a page's blocks in a folder; yield each output and picture with what is printed.
+    """Run the blocks of a page in a folder.  Yields each output block and picture with the printed
+    output.
 
     Raises
     ------
     Failed
-        If a line cannot be run, or a command fails and the page does not show its error.
+        If a line cannot be executed, or if a command fails and the page does not show its error.
     """
     printed, found, names = "", [], {}
     failed = None
@@ -184,7 +190,9 @@ def follow(text, folder):
 
 @contextlib.contextmanager
 def inside(folder):
-    """The environment for pages: a folder, a width of the terminal, and no user settings."""
+    """Context manager that sets up the environment for pages: a folder, a width of the terminal,
+    and no user settings.
+    """
     before, known = Path.cwd(), dict(os.environ)
     for name in ("FORCE_COLOR", "CLICOLOR", "CLICOLOR_FORCE"):
         os.environ.pop(name, None)
@@ -200,7 +208,7 @@ def inside(folder):
 
 
 def main(arguments):
-    """Print the differences; with ``--write`` write the printed output to the pages."""
+    """Print the differences.  With ``--write``, write the printed output to the pages."""
     write = "--write" in arguments
     named = [Path(name) for name in arguments if not name.startswith("--")] or pages()
     different = 0

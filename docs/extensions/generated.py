@@ -1,9 +1,9 @@
-"""Text that is generated from the program.
+"""The directive ``{generated}``, which inserts text that is generated from the program.
 
     ```{generated} command plan
     ```
 
-The functions of `TEXTS` return Markdown, which `tests/docs` reads without Sphinx.
+The functions in `TEXTS` return Markdown.  `tests/docs` checks it without Sphinx.
 """
 
 from sphinx.util.docutils import SphinxDirective
@@ -32,7 +32,7 @@ TEXTS = {
 
 
 class Generated(SphinxDirective):
-    """The directive."""
+    """The directive ``{generated}``."""
 
     required_arguments = 1
     optional_arguments = 3

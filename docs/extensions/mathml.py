@@ -1,4 +1,6 @@
-"""Formulas as MathML, which browsers display without scripts, fonts or network."""
+"""Conversion of formulas to MathML.  Browsers display MathML without scripts, fonts or a
+network.
+"""
 
 from docutils.nodes import SkipNode
 from latex2mathml.converter import convert

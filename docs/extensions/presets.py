@@ -1,4 +1,4 @@
-"""Built-in cameras, drones, scenes, formats and payloads as Markdown."""
+"""Generates tables of the built-in cameras, drones, scenes, formats and payloads as Markdown."""
 
 from functools import cache
 
@@ -23,7 +23,7 @@ PRESETS = {"cameras": CAMERAS, "drones": DRONES, "scenes": SCENES}
 
 
 def table(header, rows):
-    """A table of text."""
+    """A Markdown table."""
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
 
@@ -124,14 +124,16 @@ def formats():
 
 
 LOADED = ("waypoints", "plan")
-"""Formats whose files programs that fly them have loaded in the tests."""
+"""Formats whose files are loaded in the tests by the programs that fly them."""
 
 GRID = {"altitude": 40, "origin": (48.3358, 14.3261), "samples": 9, "baseline": 4}
 """A small mission that is written for each drone."""
 
 
 def flown():
-    """Which drone takes which format, and how its camera is triggered in it: by writing the files."""
+    """Table of the formats that each drone flies, with the triggers of the camera.  It is found by
+    writing files.
+    """
     forms = [form for form in known_formats().values() if form.flown_by]
     rows = [
         (f"`{name}`", *(_cell(form, drone, _triggers(name, drone, form)) for form in forms))

@@ -1,4 +1,4 @@
-"""Results of the benchmarks as Markdown, from their files."""
+"""Generates tables of the results of benchmarks as Markdown, from their files."""
 
 import csv
 from pathlib import Path
@@ -9,7 +9,7 @@ RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
 
 
 def results(name):
-    """A table of results with three digits each."""
+    """A table of results.  Numbers have three digits."""
     with (RESULTS / f"{name}.csv").open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
     return table(

@@ -1,4 +1,4 @@
-"""Exit statuses and warnings as Markdown, generated from the program's source."""
+"""Generates tables of exit statuses and warnings as Markdown, from the source of the program."""
 
 import ast
 from pathlib import Path
@@ -10,7 +10,7 @@ from aosplan import errors
 SOURCE = Path(aosplan.__file__).parent
 
 ELSEWHERE = {"heading": "at --heading …, V̂ of this grid would be higher"}
-"""Texts of warnings that are created in another place."""
+"""Texts of warnings that are not written beside their codes in the source."""
 
 
 def statuses():
@@ -25,7 +25,7 @@ def statuses():
 
 
 def warnings():
-    """All warnings by code with their texts, in which an ellipsis replaces values."""
+    """All warnings by code, with their texts.  An ellipsis replaces each value."""
     said = dict(ELSEWHERE)
     for path in sorted(SOURCE.rglob("*.py")):
         for code, text in _warnings_in(ast.parse(path.read_text("utf-8"))):
@@ -36,7 +36,7 @@ def warnings():
 
 
 def _warnings_in(tree):
-    """Pairs of a code and a sentence that occur in a source file."""
+    """Pairs of a code and a sentence in a source file."""
     sentences = {}
     for node in ast.walk(tree):
         if isinstance(node, ast.Assign):

@@ -1,4 +1,6 @@
-"""Models compared with simulations: V̂ over N and b, for forests that meet their assumptions."""
+"""Comparison of models with simulations: V̂ over N and b, for forests that meet the assumptions of
+the models.
+"""
 
 import io
 from functools import cache
@@ -44,12 +46,12 @@ def simulated(result, forest):
 
 @cache
 def trees(index):
-    """A stand of clumped crowns that hides 56.7 % from above, as voxels."""
+    """A stand of clumped crowns as voxels.  It hides 56.7 % of the ground from vertically above."""
     return clumped_forest(generator(2019, index), 0.567, 0.2, 2.5, 17.5, (40.0, 40.0))
 
 
 def seen_in_other_stands(result):
-    """V̂ of a plan in other stands of the same kind as the measured one."""
+    """V̂ of a plan in other random stands of the same kind."""
     sites = np.column_stack(local_sites(result.solution.pattern, result.solution.baseline_m, 0.0))
     views = (
         VoxelViews(trees(index), ALTITUDE_M, view="telecentric", targets_per_voxel=2)
@@ -59,7 +61,9 @@ def seen_in_other_stands(result):
 
 
 def panels():
-    """For each panel its title, a function that makes a plan from N and b, and its simulation."""
+    """For each panel: its title, a function that makes a plan from N and b, and a function that
+    simulates it.
+    """
     volume = trees(0)
     layers = layered_scene(volume, "clumped trees")
     stand = LoadedScene(layers, "cloud", volume=volume, correlogram=correlogram(volume))
@@ -134,7 +138,7 @@ def draw(figure):
 
 
 ROUNDING = 0.01
-"""Approximate effect on V̂ of slicing voxels; `aosplan.simulation.compare` computes it exactly."""
+"""Approximate effect of voxels on V̂.  `aosplan.simulation.compare` computes it exactly."""
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""One photo, the integral of many photos, and the ground beneath a simulated forest.
+"""Picture of one photo, of the integral of many photos, and of the ground beneath a simulated
+forest.
 
-Each photo is drawn by tracing its rays down to the first leaf.  Leaves are lit by the sun unless
-crowns above them block it.  The integral is the mean of the photos, registered on the ground,
-without further processing.
+The rays of each photo are traced to the first leaf.  A leaf is lit by the sun unless crowns above
+it are in the way.  The integral is the mean of the photos, registered on the ground, without
+further processing.
 """
 
 from pathlib import Path
@@ -60,7 +61,7 @@ def main():
 
 
 def counted(forest, sites):
-    """Visibility of the ground in the pictures, counted ray by ray."""
+    """Visibility of the ground in the pictures, found by counting rays."""
     rows, columns = (round(side / forest.voxel_m) for side in GROUND_M[::-1])
     _, depth, width = forest.occupied.shape
     window = PlotWindow((depth - rows) // 2, (width - columns) // 2, rows, columns)
@@ -69,14 +70,14 @@ def counted(forest, sites):
 
 
 class Camera:
-    """Photos of the centre of a plot, in which each pixel is a place on the ground."""
+    """Photos of the centre of a plot.  Each pixel is a place on the ground."""
 
     def __init__(self, forest, shape):
         self.occupied, self.voxel_m = forest.occupied, forest.voxel_m
         slices, rows, columns = self.occupied.shape
         rng = np.random.default_rng(5)
         self.tone = rng.random((slices, rows, columns), dtype=np.float32)
-        # The colours of crowns differ a little, over some metres.
+        # The colours of crowns vary slightly, over distances of some metres.
         self.hue = smooth(rng.random((rows, columns)), round(2.0 / self.voxel_m))
         self.light = np.empty((slices, rows, columns), dtype=np.float16)
         light = np.ones((rows, columns), dtype=np.float32)
@@ -84,7 +85,7 @@ class Camera:
             self.light[level] = light
             light = np.where(self.occupied[level], 0.3 * light, light)
             step = [round(s * (level + 1)) - round(s * level) for s in SUN]
-            # Light is scattered on its way down, so shadows are soft and never completely dark.
+            # Scattered light makes shadows soft and never completely dark.
             light = 0.997 * np.roll(light, step, axis=(1, 0)) + 0.003
         self.floor_light = smooth(light, 3)
         y, x = ((np.arange(n) + 0.5 - 0.5 * n) * PIXEL_M for n in shape)
@@ -109,7 +110,7 @@ class Camera:
         image = self.sunlit(ground)
         open_ = np.ones(image.shape[:2], dtype=bool)
         for half in range(2 * len(self.occupied) - 1, -1, -1):
-            # In each slice a ray meets the voxel where it enters and the voxel where it leaves.
+            # In each slice, a ray meets two voxels: the one at its entry and the one at its exit.
             level, height = half // 2, (half // 2 + (0.001, 0.999)[half % 2]) * self.voxel_m
             rows, columns = self.cells(height, site)
             hit = open_ & self.occupied[level][np.ix_(rows, columns)]
@@ -121,7 +122,9 @@ class Camera:
         return image
 
     def leaves(self, at):
-        """Colours of leaves: green with variations by crown and leaf, brighter in the sun."""
+        """Colours of leaves.  They are green with variations by crown and leaf, and brighter in the
+        sun.
+        """
         level, rows, columns = at
         light, tone = self.light[at].astype(float), self.tone[at].astype(float)
         hue = self.hue[rows, columns]
@@ -146,7 +149,7 @@ def floor():
     shape = tuple(round(side / PIXEL_M) for side in GROUND_M[::-1])
     rng = np.random.default_rng(3)
     y, x = np.meshgrid(*((np.arange(n) + 0.5 - 0.5 * n) * PIXEL_M for n in shape), indexing="ij")
-    y = -y  # the far end is at the top
+    y = -y  # The far end of the ground is at the top of the picture.
     litter = (
         0.5 * smooth(rng.random(shape), 40)
         + 0.3 * smooth(rng.random(shape), 8)
@@ -160,7 +163,7 @@ def floor():
 
 
 def walls(image, x, y, rng):
-    """A rectangle of stones with a doorway and a wall across."""
+    """A rectangle of stones with a doorway and an inner wall."""
     half = (2.4, 3.2)
     inside = (np.abs(x) < half[0]) & (np.abs(y) < half[1])
     core = (np.abs(x) < half[0] - 0.5) & (np.abs(y) < half[1] - 0.5)
@@ -233,7 +236,9 @@ def side_by_side(images, words):
 
 
 def save(picture, columns):
-    """Write a small image file with 255 colours, and one more for the gaps between panels."""
+    """Write a small image file with 255 colours, and one further colour for the gaps between
+    panels.
+    """
     reduced = picture.quantize(255, kmeans=2)
     pixels = np.array(reduced)
     for gap in range(columns, pixels.shape[1], columns + GAP_PX):

@@ -1,12 +1,13 @@
-"""Photos of a simulated flight, with the tags that a DJI drone writes.
+"""Writes photos of a simulated flight, with the metadata that a DJI drone writes.
 
     python examples/tutorial/fly.py plan.json photos --miss 4
     python examples/tutorial/fly.py plan.json photos --stand stand.laz --yaw-bias 3 --height-error 2
 
 It writes one JPEG for each waypoint of the plan.  The recorded positions have errors with a
-standard deviation of half a metre along each axis.  The last few sites can be missing, as after an
-empty battery.  The photos are grey.  With a stand, they show a chart below the stand; the compass
-and the barometer may then have errors.  It needs the extra pictures, and lidar for a stand.
+standard deviation of half a metre along each axis.  The last sites can be left out, as if the
+battery had been empty.  The photos are uniformly grey.  With a stand, they show a chart below the
+stand, and the compass and the barometer may have errors.  It needs the extra pictures, and lidar
+for a stand.
 """
 
 import argparse
@@ -44,11 +45,12 @@ def sexagesimal(degrees):
 
 
 def save(image, path, exif, xmp):
-    """Write a JPEG with EXIF and XMP, which is a separate segment after the EXIF."""
+    """Write a JPEG with EXIF and XMP.  XMP is a separate segment after the EXIF segment."""
     image.save(path, exif=exif, quality=95)
     segment = b"http://ns.adobe.com/xap/1.0/\0" + xmp.encode()
     content = path.read_bytes()
-    end = 4 + int.from_bytes(content[4:6], "big")  # end of the first segment, which is the EXIF
+    # This is the end of the first segment, which contains EXIF.
+    end = 4 + int.from_bytes(content[4:6], "big")
     marker = b"\xff\xe1" + (len(segment) + 2).to_bytes(2, "big")
     path.write_bytes(content[:end] + marker + segment + content[end:])
 

@@ -1,10 +1,10 @@
-"""A stand of trees as a point cloud, the same in every run.
+"""Writes a stand of trees as a point cloud.  The stand is the same in every run.
 
     python examples/tutorial/make_stand.py stand.laz
 
 It has 40 x 40 m of trees up to 20 m high on a gentle slope, and classified ground.  There are 40
-points per square metre of ground, and one in each cube of 0.25 m that contains leaves or wood.  It
-needs the extra lidar.
+points per square metre of ground, and one point in each cube of 0.25 m that contains leaves or
+wood.  It needs the extra lidar.
 """
 
 import sys

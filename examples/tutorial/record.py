@@ -1,10 +1,10 @@
-"""A simulated recording: the images of a camera above a chart below a stand.
+"""Writes a simulated recording: the images of a camera above a stand, with a chart below the stand.
 
     python examples/tutorial/record.py plan.json stand.laz recording
 
-It has one vertical photo for each waypoint, with 12.5 cm per pixel, centred on the stand.  Rays are
-traced through the stand's voxels.  Poses are written in the format of the AOS project.  It needs
-the extras lidar and pictures.
+It has one vertical photo for each waypoint, with 12.5 cm per pixel.  The plan is centred on the
+stand.  Rays are traced through the stand's voxels.  Poses are written in the format of the AOS
+project.  It needs the extras lidar and pictures.
 """
 
 import json
@@ -24,7 +24,7 @@ NADIR = np.diag([1.0, -1.0, -1.0])
 
 
 def photos_of(plan, stand):
-    """A plan's photos through a stand: positions [m] and pixels, with north at the top."""
+    """The photos of a plan through a stand: positions [m], and pixels with north at the top."""
     volume = read_voxels(str(stand))
     assert volume.voxel_m == PIXELS_A_VOXEL * PIXEL_M
     first = (volume.occupied.shape[1] * PIXELS_A_VOXEL - GROUND_PX) // 2
@@ -38,7 +38,7 @@ def photos_of(plan, stand):
     ground = np.full((GROUND_PX, GROUND_PX), 0.6)
     margin = (GROUND_PX - CHART_PX) // 2
     chart = resolution_chart(CHART_PX, CHART_PX)
-    # rows increase to the north
+    # Rows are numbered from south to north.
     ground[margin : margin + CHART_PX, margin : margin + CHART_PX] = chart[::-1]
     # Sites are rounded to whole pixels, so that each vertical photo is a part of the ground image.
     sites = np.array([(place["east_m"], place["north_m"]) for place in plan["waypoints"]])

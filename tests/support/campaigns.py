@@ -1,4 +1,6 @@
-"""A sweep for tests: combinations of a uniform scene, some of which have no solution."""
+"""A sweep for tests.  It has combinations of options of a uniform scene; some of the combinations
+have no solution.
+"""
 
 from aosplan.cli.app import run
 

@@ -1,4 +1,4 @@
-"""Point clouds in files, and their voxels by brute force."""
+"""Writes point clouds to files for tests, and computes their voxels by brute force."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ laspy = pytest.importorskip("laspy")
 def write_cloud(
     path, xyz, kind=2, *, point_format=6, scale=0.001, offset=0.0, withheld=0, crs="EPSG:32633"
 ):
-    """Write a LAS or LAZ file; `crs` is a coordinate reference system for pyproj, or None."""
+    """Write a LAS or LAZ file.  `crs` is a coordinate reference system for pyproj, or None."""
     header = laspy.LasHeader(point_format=point_format)
     header.scales = np.broadcast_to(scale, 3).astype(float)
     header.offsets = np.broadcast_to(offset, 3).astype(float)
@@ -31,9 +31,11 @@ def slope(x, y):
 
 
 def stand(seed=0, width=20.1, depth=12.1, count=6000):
-    """Points in a rectangle over a slope: half are ground, half are canopy at 3 to 9 m.
+    """Points in a rectangle on a slope.  Half of the points are ground, and half are canopy at 3 to
+    9 m.
 
-    All points are inside voxels of 0.25 m, so that rounding does not move them to a neighbour.
+    No point is close to a face of a voxel of 0.25 m, so that rounding does not move it to another
+    voxel.
     """
     rng = np.random.default_rng(seed)
     within = rng.uniform(0.03, 0.22, (3, count))
@@ -53,7 +55,7 @@ def patched(path, position, data):
 
 
 def refusal(path, **given):
-    """The error for a file, which has to name the file."""
+    """The error for a file.  The message has to name the file."""
     with pytest.raises(RequestError) as caught:
         read_voxels(path, **given)
     assert str(path) in caught.value.message

@@ -1,4 +1,4 @@
-"""A Dask cluster for tests, whose members are processes."""
+"""A Dask cluster for tests.  Its scheduler and workers are processes."""
 
 import json
 import os
@@ -13,7 +13,7 @@ vhat = { start = 0.5, stop = 0.95, count = 20 }
 optimize = "time"
 """
 PARTS, ROWS = 23, 900
-"""Number of parts and rows of this campaign; a row takes about a millisecond."""
+"""Number of parts and number of rows of the test sweep.  A row takes about a millisecond."""
 
 
 class Cluster:
@@ -45,7 +45,7 @@ class Cluster:
         return worker
 
     def crew(self, count):
-        """Start or stop workers until there is a given number."""
+        """Start or stop workers until their number is `count`."""
         for worker in self.workers[count:]:
             end(worker)
         del self.workers[count:]

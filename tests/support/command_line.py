@@ -1,4 +1,4 @@
-"""Helpers of tests of the command line: processes, terminals, and the check of refusals."""
+"""Helpers for tests of the command line: processes, terminals, and the check of error messages."""
 
 import fcntl
 import json
@@ -19,7 +19,7 @@ FIELD = ["--area", str(AREAS / "field.geojson")]
 
 
 def loads(text):
-    """Parse a JSON document; constants that JSON does not have are an error."""
+    """Parse a JSON document.  Constants that JSON does not allow, such as NaN, are an error."""
 
     def refuse(constant):
         raise AssertionError(constant)
@@ -28,7 +28,9 @@ def loads(text):
 
 
 def process(*arguments, cwd=None, stdin="", **environment):
-    """Run a real process, with no settings of colour and encoding except those given."""
+    """Run a real process.  Only the given settings of colour and encoding are in its
+    environment.
+    """
     cleared = ("NO_COLOR", "FORCE_COLOR", "PYTHONIOENCODING", "PYTHONUTF8", "COLUMNS", "LC_ALL")
     kept = {name: value for name, value in os.environ.items() if name not in cleared}
     return subprocess.run(
@@ -56,8 +58,8 @@ def check_refusal(status, out, err, expected=2):
 
 
 def on_a_terminal(*arguments, program=("-m", "aosplan"), typed=None, **environment):
-    """Output of a process to a terminal; if keys are `typed` after its first output, also its
-    status.
+    """Output of a process to a terminal.  If keys are `typed` after its first output, its exit
+    status is also returned.
     """
     parent, child = pty.openpty()
     kept = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}
@@ -77,7 +79,7 @@ def on_a_terminal(*arguments, program=("-m", "aosplan"), typed=None, **environme
         while True:
             try:
                 part = os.read(parent, 65536)
-            except OSError:  # the other end is closed
+            except OSError:  # The other end of the terminal is closed.
                 break
             if not part:
                 break

@@ -1,4 +1,4 @@
-"""One stand in many variants of units, reference systems and records of LAS files."""
+"""One stand in LAS files with many variants of units, reference systems and records."""
 
 import struct
 
@@ -9,7 +9,7 @@ laspy = pytest.importorskip("laspy")
 pyproj = pytest.importorskip("pyproj")
 
 UNITS = {
-    # Metres, name in WKT, EPSG code.
+    # For each unit: its length in metres, its name in WKT, and its EPSG code.
     "m": (1.0, "metre", 9001),
     "ft": (0.3048, "foot", 9002),
     "us-ft": (1200 / 3937, "US survey foot", 9003),
@@ -22,7 +22,7 @@ EAST_M, NORTH_M = 500_000.0, 5_200_000.0
 
 
 def wkt(across, up=None):
-    """UTM 33N as WKT 1 with another unit of x and y, and of z if given."""
+    """UTM 33N as WKT 1, with another unit of x and y, and with a unit of z if it is given."""
     metres, name, _ = UNITS[across]
     text = (
         'PROJCS["UTM 33N in its own unit",GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",'
@@ -42,7 +42,7 @@ def wkt(across, up=None):
 
 
 def geo_keys(keys, doubles=()):
-    """Records of GeoTIFF keys; a value is a number, or ``(34736, index)`` for a double."""
+    """Records of GeoTIFF keys.  A value is a number, or ``(34736, index)`` for a double."""
     rows = [
         (key, *(value if isinstance(value, tuple) else (0, value))) for key, value in keys.items()
     ]
@@ -57,7 +57,7 @@ def geo_keys(keys, doubles=()):
 def write_dressed(
     path, xyz, kind, *, before=(), behind=(), bit=None, point_format=6, scale=1e-4, offset_m=None
 ):
-    """Write a file with records of the user LASF_Projection before and after its points."""
+    """Write a file with records of the user id LASF_Projection before and after its points."""
     header = laspy.LasHeader(point_format=point_format)
     header.scales = np.full(3, scale)
     header.offsets = np.floor(xyz.min(axis=1)) if offset_m is None else np.full(3, offset_m)

@@ -1,4 +1,4 @@
-"""Missions anywhere on earth for tests of formats, with functions that write and read them.
+"""Missions at any place on earth for tests of formats, with functions that write and read files.
 
 The readers follow the rules of the formats and share no code with the writers.
 """
@@ -23,7 +23,7 @@ SUMMARY = {"scene": {"name": "stand"}, "camera": {"name": "dji-m3t-thermal"}}
 
 
 def grid(samples=12, *, origin=(48.3358, 14.3261), baseline_m=3.0, heading_deg=30.0, **values):
-    """A mission over a grid; other values are flight settings or columns of its waypoints."""
+    """A mission over a grid.  Further arguments are flight settings or columns of its waypoints."""
     altitude_m = values.pop("altitude_m", 40.0)
     kind = values.pop("kind", "trimmed")
     columns = {name: values.pop(name) for name in ("ground_m", "photo") if name in values}
@@ -58,7 +58,7 @@ FLYERS = {
     "dji-fly": "dji-mini-4-pro",
     "parrot": "parrot-anafi-thermal",
 }
-"""A drone for each format that needs one; all of them stop for photos."""
+"""A drone for each format that needs one.  All of these drones stop for photos."""
 
 
 def flown_in(mission, name):
@@ -72,7 +72,9 @@ def flown_in(mission, name):
 
 
 def commands_of(text, version=110):
-    """Lines of a `.waypoints` file as QGroundControl splits them: fields between tabs."""
+    """Lines of a `.waypoints` file, split into fields at tabs in the same way as by
+    QGroundControl.
+    """
     first, *lines = text.removesuffix("\n").split("\n")
     assert first == f"QGC WPL {version}"
     return [[float(field) for field in line.split("\t")] for line in lines]
@@ -194,7 +196,9 @@ def texts(element, name):
 
 
 def pairs(count):
-    """A mission of many lines with two photos each, which needs the most commands."""
+    """A mission of many lines with two photos each.  Such a mission needs the largest number of
+    commands.
+    """
     east = [3.0 * (index % 2) for index in range(count)]
     north = [3.0 * (index // 2) for index in range(count)]
     where = ([1e-5 * value for value in north], [1e-5 * value for value in east])

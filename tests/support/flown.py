@@ -1,4 +1,6 @@
-"""Folders of photos with drone tags, which show a textured plane from known positions."""
+"""Folders of photos that show a textured plane from known positions.  The photos have the metadata
+of drones.
+"""
 
 import math
 
@@ -46,7 +48,9 @@ def rotation_of(yaw, pitch, roll):
 
 def write_photo(path, position, angles, *, xmp=DJI, image=None, gps=True, focal=FOCAL, more="",
                 mode="L", **tags):  # fmt: skip
-    """Write one JPEG or TIFF, taken at a position east, north and up of `ORIGIN`."""
+    """Write one JPEG or TIFF file.  The photo is taken at a position in metres east, north and up
+    from `ORIGIN`.
+    """
     east, north, up = position
     (latitude,), (longitude,) = to_wgs84(ORIGIN, [east], [north])
     yaw, pitch, roll = angles
@@ -86,7 +90,9 @@ def sexagesimal(degrees):
 
 
 def fly(folder, *, count=9, seed=1, name="DJI_{:04d}.jpg", **tags):
-    """Write photos of a small grid, slightly tilted and with several headings; return their poses."""
+    """Write photos of a small grid, which are slightly tilted and have several headings.  Returns
+    their poses.
+    """
     rng = np.random.default_rng(seed)
     folder.mkdir(exist_ok=True)
     side = round(count**0.5)

@@ -1,7 +1,7 @@
-"""Clumped forests from a seed: trees with a stem and a crown of leafy clumps, as voxels.
+"""Random clumped forests as voxels: trees with a stem and a crown of leafy clumps.
 
-They replace real point clouds, which are not part of the project.  The plot is periodic, as in the
-models.
+Tests use them instead of real point clouds, which are not part of the project.  The plot is
+periodic, as in the models.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from aosplan.scenes.voxels import VoxelVolume
 
 
 class Stand(NamedTuple):
-    """Parameters of a stand; heights and radii are means, and vary by a fifth between trees."""
+    """Parameters of a stand.  Heights and radii are means, and vary by 20 % between trees."""
 
     seed: int
     trees: int
@@ -33,7 +33,7 @@ STANDS = {
 
 
 def clumped_forest(stand: Stand, *, side_m: float = 24.0, voxel_m: float = 0.25) -> VoxelVolume:
-    """A stand as voxels; crowns are ellipsoids of clumps, each of which is leafy or empty."""
+    """A stand as voxels.  Crowns are ellipsoids of clumps.  Each clump is either leafy or empty."""
     rng = np.random.default_rng(stand.seed)
     cells = round(side_m / voxel_m)
     levels = round(1.4 * stand.height_m / voxel_m)

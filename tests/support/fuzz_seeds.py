@@ -1,4 +1,4 @@
-"""One valid file of every kind that is read, and commands that read it."""
+"""For every kind of file that aosplan reads: a valid file, and a command that reads it."""
 
 import io
 import json
@@ -145,7 +145,7 @@ def made(folder, *arguments):
 
 
 def seeds(folder):
-    """A valid file of each kind; other inputs of their commands are written to `folder`."""
+    """A valid file of each kind.  Further inputs of the commands are written to `folder`."""
     (folder / "images").mkdir()
     for name in ("a.png", "b.png"):
         (folder / "images" / name).write_bytes(image("PNG"))
@@ -202,7 +202,7 @@ def seeds(folder):
 
 
 def parquet():
-    """A table of scenarios, written in another process, because its library's threads do not
+    """A table of scenarios.  It is written in another process, because the threads of polars do not
     survive a fork.
     """
     code = (
@@ -221,7 +221,7 @@ NUMBERS = [
         ("<d", -0.0), ("<f", 3e38), ("B", 0), ("B", 255),
     ]
 ]  # fmt: skip
-"""Values with which a field of a binary file may overflow."""
+"""Values that may cause an overflow if they are written to a field of a binary file."""
 
 WORDS = [
     *b"1e308 -1e308 1e999 NaN Infinity -0 0 1e-320 9007199254740993 99999999999999999999".split(),
@@ -229,4 +229,4 @@ WORDS = [
     *b"' \" < & [ ] { } 0x7f".split(),
     b"\0", b"\n", b"\r", b"\t", b" ", b"9" * 400,
 ]  # fmt: skip
-"""Replacements for a word in a text."""
+"""Texts that replace a word of a text file."""

@@ -1,4 +1,4 @@
-"""Photos with positions in their EXIF."""
+"""Writes photos with positions in their EXIF."""
 
 from fractions import Fraction
 
@@ -31,7 +31,7 @@ def photo(path, latitude=None, longitude=None, xmp=b"", mode="L", **tags):
         } | tags.get("gps", {})
     image.save(path, exif=exif)
     if xmp:
-        # The second segment of the JPEG, as cameras write it.
+        # XMP is the second segment of the JPEG, as in files of cameras.
         segment = b"http://ns.adobe.com/xap/1.0/\0" + xmp
         content = path.read_bytes()
         marker = b"\xff\xe1" + (len(segment) + 2).to_bytes(2, "big") + segment

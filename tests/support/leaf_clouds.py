@@ -1,4 +1,4 @@
-"""Simulated laser scans of stands with known leaves, as point clouds in files."""
+"""Writes simulated laser scans of stands with known leaves as point clouds."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from support.clouds import laspy
 
 
 def write_scan(path, scan, *, calibrated=True):
-    """Write the returns of a scan, with intensities in proportion to energy or all equal."""
+    """Write the returns of a scan.  Intensities are proportional to the energy, or all equal."""
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales, header.offsets = [0.001] * 3, [0.0] * 3
     cloud = laspy.LasData(header)

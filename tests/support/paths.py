@@ -6,6 +6,8 @@ TESTS = Path(__file__).parents[1]
 ROOT = TESTS.parent
 AREAS = TESTS / "support" / "areas"
 SHARED = ROOT.parent / "shared"
-"""Larger inputs outside the project; tests that need them are skipped if they are missing."""
+"""Folder of larger inputs outside the project.  Tests that need them are skipped if the folder is
+missing.
+"""
 
 CLOUDS = SHARED / "data"

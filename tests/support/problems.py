@@ -15,7 +15,7 @@ from aosplan.solver.problem import Bounds, GridKind, Problem, Requirement
 from aosplan.solver.solve import solve
 
 near = partial(pytest.approx, abs=0.0)
-"""`approx` without its absolute tolerance of 1e-12."""
+"""`pytest.approx` without the absolute tolerance of 1e-12."""
 
 KINDS = ("trimmed", "rectangle", "square", "line", "lanes", "spiral")
 OBJECTIVES = ("samples", "aperture", "time")
@@ -32,7 +32,7 @@ def visible(text):
 
 
 def patterns(grid, most):
-    """All patterns of a kind up to a number of samples, in increasing order."""
+    """All patterns of a kind with at most the given number of samples, in increasing order."""
     samples = 1
     while (pattern := grid.pattern(samples)).samples <= most:
         yield pattern
@@ -40,7 +40,9 @@ def patterns(grid, most):
 
 
 def reaches(problem, pattern, baseline, tolerance=1e-12):
-    """Whether the target is reached; the model's float is compared in exact arithmetic."""
+    """Whether the target is reached.  The float that the model predicts is compared in exact
+    arithmetic.
+    """
     prediction = problem.model.predict(pattern, baseline)
     normalized = problem.requirement.quantity == "normalized"
     lacking = prediction.shortfall if normalized else prediction.mean_squared_error
@@ -49,7 +51,7 @@ def reaches(problem, pattern, baseline, tolerance=1e-12):
 
 
 def widest(problem, pattern):
-    """The largest useful baseline within the limit of the aperture."""
+    """The largest useful baseline within the limit on the aperture."""
     baseline = problem.model.independent_baseline_m / pattern.nearest
     if problem.bounds.max_aperture_m is not None and pattern.longer_side > 0:
         baseline = min(baseline, problem.bounds.max_aperture_m / pattern.longer_side)
@@ -73,7 +75,7 @@ def extent(solution):
 
 
 def attempt(problem):
-    """A solution, or None if the solver states that there is none."""
+    """A solution, or None if the solver raises an error."""
     try:
         return solve(problem)
     except InfeasibleError:
@@ -114,7 +116,7 @@ def random_timing(source):
 
 
 def problems(seed, count, *, grid, objective, quantity="normalized", aperture=None):
-    """Random problems with at most 60 samples; about half of them have a limit of the aperture."""
+    """Random problems with at most 60 samples.  About half of them have a limit on the aperture."""
     source = random.Random(f"{seed} {grid} {objective} {quantity}")
     for _ in range(count):
         model = random_model(source)

@@ -1,8 +1,9 @@
-"""Recordings with a known result: a textured plane, rendered by tracing the ray of each pixel.
+"""Recordings with a known result: images of a textured plane, rendered by tracing the ray of each
+pixel.
 
-No code is shared with `aosplan.postflight.integral`.  The ray of a pixel is rotated from the camera
-to the world, distortion is removed by iteration, and the texture is a formula, so that the true
-image is not interpolated.
+This module shares no code with `aosplan.postflight.integral`.  The ray of a pixel is rotated from
+the camera to the world, and distortion is removed by iteration.  The texture is a formula, so that
+the true image is known without interpolation.
 """
 
 import json
@@ -16,20 +17,22 @@ FOV_DEG = np.degrees(2 * np.arctan(0.5 * WIDTH / FOCAL))
 
 
 def texture(x, y):
-    """Grey values of the plane at positions in metres, between 40 and 216, with periods from 3 m."""
+    """Grey values of the plane at positions in metres.  They are between 40 and 216, and their
+    periods are 3 m or more.
+    """
     waves = np.sin(2.1 * x + 0.3) * np.cos(1.3 * y) + np.sin(0.7 * x - 1.1 * y + 1.0)
     return 128.0 + 44.0 * waves
 
 
 def nadir_to(yaw_deg, pitch_deg=0.0, roll_deg=0.0, *, z_up=True):
-    """World-to-camera rotation of a camera that looks down, turned by three angles."""
+    """World-to-camera rotation of a camera that looks down and is then rotated by three angles."""
     down = Rotation.from_matrix([[1, 0, 0], [0, -1, 0], [0, 0, -1]] if z_up else np.eye(3))
     turn = Rotation.from_euler("zxy", [yaw_deg, pitch_deg, roll_deg], degrees=True)
     return (turn * down).as_matrix()
 
 
 def undistorted(x, y, k1, k2, p1, p2):
-    """Undistorted directions of distorted ones, by fixed-point iteration."""
+    """Directions without distortion from directions with distortion, by fixed-point iteration."""
     ux, uy = x.copy(), y.copy()
     for _ in range(200):
         r2 = ux**2 + uy**2
@@ -42,13 +45,15 @@ def undistorted(x, y, k1, k2, p1, p2):
 
 
 def on_plane(rotation, position, height=0.0, *, up=1.0, distortion=None, middle=None):
-    """Points at which the rays of all pixels meet the plane: x, y, and whether the plane is ahead."""
+    """Points at which the rays of all pixels meet the plane: x, y, and whether the plane is in
+    front of the camera.
+    """
     cx, cy = middle or (WIDTH / 2, HEIGHT / 2)
     column, row = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
     x, y = (column - cx) / FOCAL, (row - cy) / FOCAL
     if distortion is not None:
         x, y = undistorted(x, y, *distortion)
-    ray = np.stack([x, y, np.ones_like(x)], axis=-1) @ rotation  # Rᵀ applied to each ray
+    ray = np.stack([x, y, np.ones_like(x)], axis=-1) @ rotation  # This applies Rᵀ to each ray.
     with np.errstate(divide="ignore"):
         along = (up * height - position[2]) / ray[..., 2]
     meet = position + along[..., None] * ray
@@ -56,7 +61,9 @@ def on_plane(rotation, position, height=0.0, *, up=1.0, distortion=None, middle=
 
 
 def photo(rotation, position, *, height=0.0, up=1.0, shade=texture, **lens):
-    """The image of the plane at a height, as float32; 0 if a ray does not meet the plane."""
+    """The image of the plane at a given height, as float32.  A pixel is 0 if its ray does not meet
+    the plane.
+    """
     x, y, ahead = on_plane(rotation, position, height, up=up, **lens)
     return np.where(ahead, shade(x, up * y), 0.0).astype(np.float32)
 
@@ -121,7 +128,9 @@ def truth(raster, *, shade=texture):
 
 
 def shift_px(image, reference, mask):
-    """Shift of an image relative to a reference in pixels, by least squares of the gradients."""
+    """Shift of an image relative to a reference in pixels, from a least-squares fit with the
+    gradients.
+    """
     down, right = np.gradient(reference)
     inside = mask.copy()
     inside[[0, -1]] = inside[:, [0, -1]] = False

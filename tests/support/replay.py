@@ -1,7 +1,8 @@
-"""An ideal flight from a mission's file alone: its path and its photos.
+"""Simulation of an ideal flight of a mission file: its path and its photos.
 
 The readers and the flight follow the rules of the formats and share no code with the package.
-Positions are metres east and north of a given origin, heights metres above the take-off.
+Positions are in metres east and north of a given origin.  Heights are in metres above the take-off
+point.
 """
 
 import csv
@@ -15,11 +16,11 @@ from xml.etree import ElementTree as ET
 
 KML = "{http://www.opengis.net/kml/2.2}"
 WPML = "{*}"
-"""Any namespace: DJI's or Autel's."""
+"""Pattern for elements in any namespace, because DJI and Autel have different namespaces."""
 
 
 class Point(NamedTuple):
-    """A point of a file, and the actions at it."""
+    """A point of a file, with the actions at this point."""
 
     x: float
     y: float
@@ -30,18 +31,24 @@ class Point(NamedTuple):
     stop: bool = False
     photos: int = 0
     spacing: float | None = None
-    """Spacing of a distance trigger from this point on; 0 switches it off, None does not change it."""
+    """Spacing of the distance trigger from this point on. 0 switches the trigger off, and None does
+    not change it.
+    """
 
 
 class Flown(NamedTuple):
-    """The flight of a file: points from take-off to landing, and positions of the photos."""
+    """The flight of a mission file: points from take-off to landing, and positions of the
+    photos.
+    """
 
     points: list
     photos: list
 
 
 class Ground:
-    """Conversion to local metres, and heights above the take-off from heights above the ground."""
+    """Conversion of positions to local metres, and of heights above the ground to heights above the
+    take-off point.
+    """
 
     def __init__(self, origin, height=lambda _lat, _lon: 0.0):
         self.origin, self.height = origin, height
@@ -60,7 +67,9 @@ class Ground:
 
 
 def mavlink_items(name, content):
-    """Items of a `.waypoints` or `.plan` file without home: command, frame, seven parameters."""
+    """Items of a `.waypoints` or `.plan` file without the home position: command, frame, and seven
+    parameters.
+    """
     if name == "waypoints":
         first, *lines = content.decode().splitlines()
         assert first == "QGC WPL 110"
@@ -73,7 +82,9 @@ def mavlink_items(name, content):
 
 
 def fly_mavlink(name, content, ground):
-    """Fly a MAVLink file; commands after a waypoint are executed when its hold is over."""
+    """Fly a MAVLink file.  Commands after a waypoint are executed when the hold of the waypoint
+    ends.
+    """
     home, items = mavlink_items(name, content)
     assert items[0][0] == 22
     x, y = ground.place(*home[:2])
@@ -102,14 +113,16 @@ def fly_mavlink(name, content, ground):
         else:
             assert command in {20, 115, 205}
     assert items[-1][0] == 20
-    # Both autopilots return at their own height, or higher if a parameter says so.
+    # Both autopilots return at their current height, or higher if a parameter requires it.
     points.append(Point(x, y, points[-1].up, points[-1].speed, stop=True))
     return flown([*points, Point(x, y, 0.0, 0.0, stop=True)])
 
 
 def fly_parrot(content, ground, takeoff, climb):
-    """Fly a Parrot file: up to the first waypoint's height, then to it; a delay is a wait on the
-    spot.
+    """Fly a Parrot file.
+
+    The drone climbs to the height of the first waypoint and then flies to this waypoint.  During a
+    delay, it stays at its position.
     """
     first, *lines = content.decode().splitlines()
     assert first == "QGC WPL 120"
@@ -134,10 +147,11 @@ def fly_parrot(content, ground, takeoff, climb):
 
 
 def fly_litchi(content, ground, takeoff, transit):
-    """Fly a Litchi file: up to the first waypoint's height, then to it; back at the last one's
-    height.
+    """Fly a Litchi file.
 
-    The file has no speed for these two ways.  `transit` is the setting of Litchi and of DJI's app.
+    The drone climbs to the height of the first waypoint and then flies to this waypoint.  It
+    returns at the height of the last waypoint.  The file has no speed for these two paths.
+    `transit` is the speed that is set in Litchi and in DJI's app.
     """
     rows = list(csv.DictReader(io.StringIO(content.decode(), newline="")))
     x, y = ground.place(*takeoff)
@@ -154,7 +168,7 @@ def fly_litchi(content, ground, takeoff, transit):
             hold += value / 1000.0 if kind == 0 else 0.0
             photos += kind == 1
         spacing = float(row["photo_distinterval"])
-        # The trigger is assumed to continue over waypoints with the same interval.
+        # It is assumed that the trigger continues over waypoints with the same interval.
         begins, on = spacing > 0.0 and not on, spacing > 0.0
         points.append(
             Point(
@@ -162,7 +176,7 @@ def fly_litchi(content, ground, takeoff, transit):
                 photos + begins, None if on and not begins else max(spacing, 0.0),
             )
         )  # fmt: skip
-    # The way to the first waypoint ends there: the mission begins with the next leg.
+    # The drone stops at the first waypoint, because the mission begins with the next leg.
     points[2] = points[2]._replace(stop=True)
     points[-1] = points[-1]._replace(speed=transit)
     points.append(Point(x, y, points[-1].up, transit, stop=True))
@@ -174,8 +188,10 @@ def text(element, name):
 
 
 def fly_wpml(content, ground, takeoff):
-    """Fly a WPML file: up to the security height, to the first point and down; at the end up and
-    back.
+    """Fly a WPML file.
+
+    The drone climbs to the security height, flies to the first point, and descends.  At the end, it
+    climbs again and returns.
     """
     archive = zipfile.ZipFile(io.BytesIO(content))
     document = ET.fromstring(archive.read("wpmz/waylines.wpml"))
@@ -221,7 +237,9 @@ def fly_wpml(content, ground, takeoff):
 
 
 def flown(points):
-    """The flight with its photos: single ones, and one per spacing of path while the trigger is on."""
+    """The flight with its photos: single photos, and one photo per spacing of the path while the
+    trigger is on.
+    """
     photos, spacing, gone = [], 0.0, 0.0
     for point, following in zip(points, [*points[1:], None], strict=True):
         photos += [point[:3]] * point.photos
@@ -242,7 +260,7 @@ def flown(points):
 
 
 def working(points):
-    """The points with photos, and those that switch a distance trigger off."""
+    """The points with photos, and the points that switch a distance trigger off."""
     found, on = [], False
     for point in points:
         off = on and point.spacing == 0.0
@@ -253,7 +271,7 @@ def working(points):
 
 
 def between(points, first, last):
-    """The points from the first one at one position to the first one at another."""
+    """The points from the first point at one position to the first point at another position."""
     start, stop = (
         next(k for k, point in enumerate(points) if math.dist(point[:3], place[:3]) < 1e-3)
         for place in (first, last)
@@ -262,7 +280,7 @@ def between(points, first, last):
 
 
 def duration_s(points, *, acceleration, climb):
-    """Time of a flight with stops in the file and where the course turns."""
+    """Time of a flight that stops at the stops in the file and at turns of the course."""
     total, line = 0.0, []
     stops = {0, len(points) - 1}
     for index in range(1, len(points) - 1):
@@ -291,24 +309,27 @@ def duration_s(points, *, acceleration, climb):
     return total + sum(point.hold for point in points)
 
 
-# Items that autopilots accept.  PX4: MavlinkMissionManager::parse_mavlink_mission_item and
-# FeasibilityChecker.  ArduPilot: AP_Mission::mavlink_int_to_mission_cmd and ArduCopter's mode_auto.
+# The next lists have items that autopilots accept. Sources for PX4:
+# MavlinkMissionManager::parse_mavlink_mission_item and FeasibilityChecker.  Sources for ArduPilot:
+# AP_Mission::mavlink_int_to_mission_cmd and ArduCopter's mode_auto.
 
 PX4_PLACED = {16, 17, 19, 21, 22, 31, 84, 85, 195, 201}
-# The parser knows 112 and 114, which the feasibility check rejects.
+# The parser accepts 112 and 114, but the feasibility check rejects them.
 PX4_PLAIN = {20, 93, 177, 178, 179, 189, 197, 203, 204, 205, 206, 214, 530, 532, 1000}
 PX4_PLAIN |= {1001, 2000, 2001, 2003, 2500, 2501, 3000}
 
 
 def check_px4(items, home):
-    """Check that PX4 accepts every item, and finds the mission feasible with default parameters."""
+    """Check that PX4 accepts every item, and that its feasibility check passes with default
+    parameters.
+    """
     placed = False
     for command, frame, params in items:
         assert frame in {0, 2, 3, 5, 6}
         assert command in (PX4_PLAIN if frame == 2 else PX4_PLACED)
         if command == 22:
-            assert not placed  # the take-off is the first item with a position
-            assert params[6] - 1.0 >= 2.0  # one metre more than NAV_ACC_RAD
+            assert not placed  # The take-off has to be the first item with a position.
+            assert params[6] - 1.0 >= 2.0  # It has to be at least one metre more than NAV_ACC_RAD.
         placed |= frame != 2
         if frame != 2:
             assert -90.0 <= params[4] <= 90.0
@@ -322,12 +343,14 @@ ARDUPILOT = {16, 17, 19, 20, 21, 22, 93, 112, 114, 115, 177, 178, 179, 201, 203,
 
 
 def check_ardupilot(items, home):
-    """Check that ArduCopter stores every item, and that no zero means the current position."""
+    """Check that ArduCopter stores every item, and that no item contains a zero that it would
+    replace by the current position.
+    """
     assert len(items) + 1 <= 718
     assert all(math.isfinite(value) for value in home)
     for command, frame, params in items:
         assert command in ARDUPILOT
-        # AP_Mission::sanity_check_params takes nothing but a yaw for "not a number".
+        # AP_Mission::sanity_check_params accepts "not a number" only for a yaw.
         missing = [place for place, param in enumerate(params) if param is None]
         assert missing in ([], [3] if command in {16, 21, 22} else [])
         if command == 203:
@@ -338,12 +361,13 @@ def check_ardupilot(items, home):
         if command in {16, 22}:
             assert frame in {0, 3, 10}
             assert abs(params[6]) < 83_000.0
-            assert round(100.0 * params[6]) != 0  # centimetres; zero means the current height
+            # Heights are stored in centimetres. Zero would mean the current height.
+            assert round(100.0 * params[6]) != 0
             assert (round(1e7 * params[4]), round(1e7 * params[5])) != (0, 0)
         if command == 16:
             assert params[0] == int(params[0])
     yaws = [params[0] for command, _, params in items if command == 115]
     assert all(0.0 <= yaw <= 360.0 for yaw in yaws)
-    # It turns to the next waypoint unless the preceding item sets the yaw.
+    # ArduCopter turns towards the next waypoint unless the preceding item sets the yaw.
     codes = [command for command, _, _ in items]
     assert all(codes[place - 1] == 115 for place, code in enumerate(codes) if code == 16)

@@ -1,4 +1,6 @@
-"""Random areas for tests: convex and ragged outlines, holes, several parts, slivers, and specks."""
+"""Random areas for tests: convex and ragged outlines, holes, several parts, slivers, and very small
+parts.
+"""
 
 import math
 

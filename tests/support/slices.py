@@ -1,10 +1,14 @@
-"""The shortfall of samples over independent slices, summed pair by pair from its definition."""
+"""The shortfall of samples over independent slices, computed from its definition as a sum over
+pairs.
+"""
 
 import numpy as np
 
 
 def slices_shortfall(points, layers, altitude_m):
-    """K = ΣΣ Cov/(N² p T), with Cov = Π (q² + D q τ) - Π q² over slices; points are along the axes."""
+    """K = ΣΣ Cov/(N² p T), with Cov = Π (q² + D q τ) - Π q² over slices.  Coordinates of points are
+    along the axes of the occluders.
+    """
     points = np.asarray(points, dtype=float)
     x, y = np.abs(points[:, None] - points[None, :]).transpose(2, 0, 1)
     both, clear = np.ones(x.shape), 1.0

@@ -1,4 +1,4 @@
-"""Results of `plan` for a scenario, in the columns of sweeps."""
+"""Results of `plan` for a scenario, with the names of the columns of sweeps."""
 
 import math
 
@@ -9,7 +9,9 @@ from aosplan.sweeps.solve_rows import RESULTS
 
 
 def results_of(result):
-    """The numbers in a plan's JSON document by the names of `RESULTS`; nan if there is none."""
+    """The numbers in a plan's JSON document, with the names in `RESULTS`.  A missing number is
+    nan.
+    """
     document = result.document()
     named = {name: document.get(name) for name in RESULTS}
     for part in ("visibility", "disparity", "camera", "flight"):
@@ -22,7 +24,7 @@ def results_of(result):
 
 
 def by_plan(values):
-    """Status, reason and results of a scenario, from its plan."""
+    """Status, reason and results of a scenario, computed by `plan`."""
     try:
         return "ok", "", results_of(plan(PlanRequest(**values)))
     except InfeasibleError as error:

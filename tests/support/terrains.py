@@ -1,4 +1,4 @@
-"""Rasters of ground heights for tests, and flights over them."""
+"""Rasters of ground heights for tests, and flights over this ground."""
 
 import numpy as np
 from pyproj import Transformer
@@ -33,7 +33,9 @@ def saved(path, heights, *, crs="EPSG:32633", transform=None, pixel=1.0, nodata=
 
 
 def surface(function, pixel=1.0, size=SIZE):
-    """Heights at the centres of pixels, from a function of metres from the middle."""
+    """Heights at the centres of pixels.  They are computed by a function of the metres from the
+    middle.
+    """
     middle = (np.arange(size) - 0.5 * (size - 1)) * pixel
     return function(middle[None, :], -middle[:, None]).astype(np.float32)
 

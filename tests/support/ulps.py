@@ -28,7 +28,9 @@ sides = st.one_of(
 
 @st.composite
 def breakpoints(draw):
-    """1/k, beyond which a pair of samples shares no occluder, and the floats on both sides of it."""
+    """Values of d̂ at and next to 1/k.  At 1/k, the number of neighbours that share an occluder
+    changes.
+    """
     at = 1.0 / draw(st.integers(1, LARGEST_SIDE))
     return draw(st.sampled_from([math.nextafter(at, 0.0), at, math.nextafter(at, 2.0)]))
 
@@ -51,7 +53,9 @@ grids = st.tuples(sides, sides, disparities)
 
 
 def spread(count, seed):
-    """Arrays of the same distribution of arguments: p, rows, columns, d̂."""
+    """Arrays of p, rows, columns and d̂ with the same distribution as the arguments of the property
+    tests.
+    """
     rng = np.random.default_rng(seed)
 
     def mixed(*kinds):

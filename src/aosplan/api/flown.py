@@ -100,7 +100,8 @@ def review(
     ----------
     positions
         A folder of photos, or a mission, CSV or GeoJSON file (``.waypoints``, ``.plan``, ``.kmz``,
-        ``.mavlink``, ``.csv``, ``.geojson``). plan
+        ``.mavlink``, ``.csv``, ``.geojson``).
+    plan
         A plan, a request, or the path of a saved plan or a request file.
     tolerance_m
         Largest distance between a photo and its site; by default half the smaller one of the two
@@ -114,8 +115,8 @@ def review(
     Raises
     ------
     RequestError
-        In the same cases as `aosplan.plan`.  Also if the positions cannot be read or are far from
-        the plan.
+        In the same cases as `aosplan.plan`, or if the positions cannot be read or are far from the
+        plan.
     """
     from aosplan.postflight.views import read_views
     from aosplan.units import positive
@@ -207,7 +208,7 @@ def thin(
     Raises
     ------
     RequestError
-        In the same cases as `aosplan.plan`.  Also if there are too few or too many views.
+        In the same cases as `aosplan.plan`, or if there are too few or too many views.
     """
     from aosplan.postflight.views import read_views
     from aosplan.units import one_of, whole

@@ -219,7 +219,7 @@ def tradeoff(request: Asked | None = None, **options: Unpack[RequestOptions]) ->
     Raises
     ------
     RequestError
-        In the same cases as `aosplan.plan`.  Also if no occluder is above the focal plane.
+        In the same cases as `aosplan.plan`, or if no occluder is above the focal plane.
 
     Examples
     --------

@@ -117,8 +117,7 @@ def simulate(
     Raises
     ------
     RequestError
-        In the same cases as `aosplan.plan`.  Also if the kind of forest is not possible for the
-        scene.
+        In the same cases as `aosplan.plan`, or if the kind of forest is not possible for the scene.
 
     Examples
     --------

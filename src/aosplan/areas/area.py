@@ -86,7 +86,8 @@ class Area(NamedTuple):
     origin
         Latitude and longitude of the centre of the area's bounds.
     whole
-        The area.  All shapes are shapely geometries. canopy
+        The area.  All shapes are shapely geometries.
+    canopy
         Part of the area that has to be seen from N sites.
     clear
         Part of the area that has to be seen from one site.
@@ -132,9 +133,12 @@ def read_area(
     Parameters
     ----------
     path
-        GeoJSON, KML or KMZ file with polygons.  The area is their union. around_m If given, the
-        area is all ground within this distance of the points in the file, and the polygons are not
-        used. clear File with parts without canopy.  Only their intersection with the area is used.
+        GeoJSON, KML or KMZ file with polygons.  The area is their union.
+    around_m
+        If given, the area is all ground within this distance of the points in the file, and the
+        polygons are not used.
+    clear
+        File with parts without canopy.  Only their intersection with the area is used.
     no_fly
         File with zones that neither sites nor legs may touch.
     buffer_m

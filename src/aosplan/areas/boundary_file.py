@@ -93,9 +93,9 @@ def read_outline(path: str) -> Outline:
     Raises
     ------
     RequestError
-        If the file is of another type or has no polygon.  Also if a polygon is not closed, has too
-        few positions, or has coordinates that are not longitude and latitude.  The message gives
-        the place.
+        If the file is of another type or has no polygon, or if a polygon is not closed, has too few
+        positions, or has coordinates that are not longitude and latitude.  The message gives the
+        place.
     """
     outline = read_shapes(path)
     if not outline.polygons:

@@ -26,8 +26,10 @@ class Extent(NamedTuple):
     Attributes
     ----------
     area_m2
-        Its area. along_m, across_m Length of the projection of the area on the heading, and on the
-        direction across the heading.  Gaps between its parts are not included.
+        Its area.
+    along_m, across_m
+        Length of the projection of the area on the heading, and on the direction across the
+        heading.  Gaps between its parts are not included.
     """
 
     area_m2: float

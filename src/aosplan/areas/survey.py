@@ -51,8 +51,9 @@ class Survey(NamedTuple):
         Latitude and longitude of the origin of the coordinates.
     area_m2, clear_m2, no_fly_m2
         Size of the area, of its part for which one photo is enough, and of its part in no-fly
-        zones. covered_share Share of the cells of the area that are covered by the rule of
-        `aosplan.areas.coverage`.
+        zones.
+    covered_share
+        Share of the cells of the area that are covered by the rule of `aosplan.areas.coverage`.
     fewest_looks
         Smallest number of sites in the rectangle around any point below canopy; None without
         canopy.
@@ -62,8 +63,9 @@ class Survey(NamedTuple):
         Number of sites that were dropped because they are in a no-fly zone or enclosed by one.
     rectangle_m, pitch_m
         Size of the rectangle of the coverage rule, and pitch of the sites, both along and across
-        the heading. length_m Length of the path from the first site to the last, including detours
-        around zones.
+        the heading.
+    length_m
+        Length of the path from the first site to the last, including detours around zones.
     axis
         Whether lines are flown along the heading or across it.
     shortest_m

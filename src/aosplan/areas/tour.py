@@ -37,7 +37,7 @@ NEIGHBOURS = 8
 """Number of nearest sites that a move considers as the next site."""
 
 LONGEST_PIECE = 3
-"""Largest number of sites that an Or-opt move puts at another position of the tour."""
+"""Largest number of sites that an Or-opt move takes to another position in the tour."""
 
 
 class Tour(NamedTuple):
@@ -60,7 +60,9 @@ def tour_of(cells: Whole, stride: int, points: Points, timing: Timing, zones: No
         Shape (n, 2): positions of the sites [m].
     timing
         How the drone flies.  If it flies through its sites, lines along the heading are not
-        interrupted. zones No-fly zones in the same coordinates.  No site is in a zone.
+        interrupted.
+    zones
+        No-fly zones in the same coordinates.  No site is in a zone.
 
     Returns
     -------

@@ -88,7 +88,7 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
     ------
     RequestError
         If the autopilot is PX4 and heights are above the terrain, because PX4 refuses such
-        missions.  Also if the autopilot does not stop for the hold.
+        missions, or if the autopilot does not stop for the hold.
     """
     settings = mission.settings
     own_yaw = autopilot == "px4"

@@ -274,9 +274,9 @@ def check_hold(autopilot: str | None, hold_s: float) -> None:
     Raises
     ------
     RequestError
-        If the hold for ArduPilot is not a whole number of seconds or is less than 1 s.  AP_Mission
-        stores whole seconds, and ArduCopter does not stop at a waypoint without a hold.  Also if
-        the hold for PX4 is shorter than `PX4_LEAST_HOLD_S`.
+        If the hold for ArduPilot is not a whole number of seconds of at least 1, or if the hold for
+        PX4 is shorter than `PX4_LEAST_HOLD_S`.  AP_Mission stores whole seconds, and ArduCopter
+        does not stop at a waypoint without a hold.
     """
     if autopilot == "ardupilot" and (hold_s < 1.0 or hold_s != math.floor(hold_s)):
         raise RequestError(

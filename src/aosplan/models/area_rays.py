@@ -79,10 +79,16 @@ def slanted(
         K of the plan.
     log_clear
         Function that returns the logarithm of the transparency for the absolute slopes of rays
-        along x and y. positions_m Positions of the cameras relative to the middle of the pattern,
-        shape (N, 2). area_m Size of the area of the targets along x and y, for perspective views.
-        altitude_m Altitude of the cameras above the targets. view Whether all targets are below one
-        aperture (perspective), or each target is below its own aperture (telecentric).
+        along x and y.
+    positions_m
+        Positions of the cameras relative to the middle of the pattern, shape (N, 2).
+    area_m
+        Size of the area of the targets along x and y, for perspective views.
+    altitude_m
+        Altitude of the cameras above the targets.
+    view
+        Whether all targets are below one aperture (perspective), or each target is below its own
+        aperture (telecentric).
     """
     share = (np.arange(AREA_POINTS) + 0.5) / AREA_POINTS - 0.5
     scale = 0.0 if view == "telecentric" else 1.0

@@ -89,8 +89,9 @@ class Clutter(NamedTuple):
     slope
         M (1 - β): decrease of the mean output per increase of s.
     canopy, ground
-        Covariances of window and window, window and box, and box and box. rest Variance of M times
-        the seen share of the box, for a given s.
+        Covariances of window and window, window and box, and box and box.
+    rest
+        Variance of M times the seen share of the box, for a given s.
     roughness
         √(λ_l λ_w λ_θ) of the output divided by its standard deviation [1/m²].
     """

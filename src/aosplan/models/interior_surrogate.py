@@ -63,8 +63,8 @@ class InteriorSurrogate:
         along, across = (side * baseline_m for side in pattern.extent)
         turn = math.radians(self.heading_deg)
         sine, cosine = abs(math.sin(turn)), abs(math.cos(turn))
-        # The width is the mean of the extents along both axes of the plot, because more targets are
-        # counted for a line than for a square.
+        # The width is the mean of the extents along both axes of the plot. The mean is smaller for
+        # a line than for a square of the same length, and more targets are counted for the line.
         mean_m = 0.5 * (along + across) * (sine + cosine)
         share = min(mean_m / self._widest_m, 1.0)
         above = next(i for i, each in enumerate(SHARES) if share <= each)

@@ -55,7 +55,9 @@ class BlurredTable:
     ----------
     function
         f(x, y) for arrays of distances [m] of equal shape, at least 0.  It is symmetric, and 0
-        beyond the largest reach. reaches_m Distances at which the slope of f jumps.
+        beyond the largest reach.
+    reaches_m
+        Distances at which the slope of f jumps.
     """
 
     def __init__(self, function: Callable[[Floats, Floats], Floats], reaches_m: Floats) -> None:

@@ -90,8 +90,10 @@ class Kernels(NamedTuple):
     window
         Shape (4, n, n), on the fine lattice.  The kernels are for the window and a second window,
         which is equal to the first, shifted by `step_m` along its length, shifted by `step_m` along
-        its width, or rotated by `turn`. box Shape (2, m, m), on the coarse lattice.  The kernels
-        are for window and box, and for the box and itself.
+        its width, or rotated by `turn`.
+    box
+        Shape (2, m, m), on the coarse lattice.  The kernels are for window and box, and for the box
+        and itself.
     step_m, turn
         The shift and the rotation [rad] in `window`.
     """

@@ -41,7 +41,9 @@ def cheaper_way(
     request
         The request.
     folder
-        Folder in which its files are looked for before the current folder. loaded The scene.
+        Folder in which its files are looked for before the current folder.
+    loaded
+        The scene.
     time_s
         Time that the flights of the request take.
 

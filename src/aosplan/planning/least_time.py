@@ -26,9 +26,11 @@ class FlownLines(NamedTuple):
     Attributes
     ----------
     sites, lines
-        Number of photos, and number of lines. pitch_m Distance between photos along a line, and
-        distance between lines. way_back_m Horizontal distance from the last site back to the first;
-        0 if it is not known.
+        Number of photos, and number of lines.
+    pitch_m
+        Distance between photos along a line, and distance between lines.
+    way_back_m
+        Horizontal distance from the last site back to the first; 0 if it is not known.
     """
 
     sites: int
@@ -50,10 +52,15 @@ def least_time_s(
     Parameters
     ----------
     flight
-        Settings of the flight, including the flight time of a battery. lattice The sites.
-        heading_deg Direction of the lines, clockwise from true north.  It has an effect only with
-        wind. altitude_m Height of the sites above the take-off point. away_m Smallest horizontal
-        distance between the take-off point and any site.
+        Settings of the flight, including the flight time of a battery.
+    lattice
+        The sites.
+    heading_deg
+        Direction of the lines, clockwise from true north.  It has an effect only with wind.
+    altitude_m
+        Height of the sites above the take-off point.
+    away_m
+        Smallest horizontal distance between the take-off point and any site.
 
     Returns
     -------

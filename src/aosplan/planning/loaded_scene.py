@@ -41,15 +41,17 @@ class LoadedScene:
     scene
         Uniform or layered.
     kind
-        ``uniform``, ``layered`` or ``cloud``.  It determines the default model. warnings Messages
-        of the reader.
+        ``uniform``, ``layered`` or ``cloud``.  It determines the default model.
+    warnings
+        Messages of the reader.
     volume
         Its voxels, if it has any.
     correlogram
         Its correlogram, if the source has one.
     reading
-        The options with which it was read, including defaults. from_cache Whether its voxels come
-        from the cache, because the same files have been read before.
+        The options with which it was read, including defaults.
+    from_cache
+        Whether its voxels come from the cache, because the same files have been read before.
     """
 
     scene: Scene

@@ -66,9 +66,16 @@ class Need(NamedTuple):
     options
         The options.
     partners
-        Options of which at least one is needed. shown Name of the partner in messages. hint The
-        remedy. value Value that the partner must have; None: any value. waits Whether a user's own
-        default is ignored if its partner is missing.  If it is false, such a default is refused.
+        Options of which at least one is needed.
+    shown
+        Name of the partner in messages.
+    hint
+        The remedy.
+    value
+        Value that the partner must have; None: any value.
+    waits
+        Whether a user's own default is ignored if its partner is missing.  If it is false, such a
+        default is refused.
     """
 
     options: tuple[str, ...]
@@ -144,8 +151,13 @@ class Description(NamedTuple):
     Attributes
     ----------
     leading
-        If one of these is given, the group is in use. parts All of these are needed if the group is
-        in use. subject Name of the described thing in messages. hint The remedy.
+        If one of these is given, the group is in use.
+    parts
+        All of these are needed if the group is in use.
+    subject
+        Name of the described thing in messages.
+    hint
+        The remedy.
     """
 
     leading: tuple[str, ...]

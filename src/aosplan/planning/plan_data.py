@@ -46,8 +46,11 @@ class PlanData:
         The problem that was solved; None for a scene without occluders.
     coverage
         The baseline of the coverage rule, and the occluder that determines it; None for a scene
-        without occluders. route Waypoints in flight order, settings of the flight, and the flights
-        of each battery. layout The sites, and their coverage of an area or integrals along a line.
+        without occluders.
+    route
+        Waypoints in flight order, settings of the flight, and the flights of each battery.
+    layout
+        The sites, and their coverage of an area or integrals along a line.
     confidence
         Standard errors and sensitivity of the prediction.
     detection
@@ -56,7 +59,9 @@ class PlanData:
         Result of a search within a time, or None.
     notices
         Warnings of single stages of the planning, such as the readers of files, the model and the
-        area. warnings All warnings: the notices, and warnings about the finished plan.
+        area.
+    warnings
+        All warnings: the notices, and warnings about the finished plan.
     """
 
     inputs: PlanInputs

@@ -45,10 +45,12 @@ def plan(
     request
         The request.
     folder
-        Folder in which the files of the request are looked for before the current folder. progress
+        Folder in which the files of the request are looked for before the current folder.
+    progress
         Function that is called with the number of points read and the total, while a point cloud is
-        read. on_trial Function that is called during a search with the problem, a pattern and a
-        baseline [m].
+        read.
+    on_trial
+        Function that is called during a search with the problem, a pattern and a baseline [m].
     loaded
         The scene of the request, if it has been read before.
 

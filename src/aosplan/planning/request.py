@@ -223,9 +223,12 @@ def request_from(
     values
         Options by name.
     overrides
-        Flags by name.  None means that a flag is not given. where The file, for messages. defaults,
-        defaults_where The user's own defaults, which files and flags override, and the file of
-        these defaults.  Defaults that contradict the request are ignored.
+        Flags by name.  None means that a flag is not given.
+    where
+        The file, for messages.
+    defaults, defaults_where
+        The user's own defaults, which files and flags override, and the file of these defaults.
+        Defaults that contradict the request are ignored.
 
     Raises
     ------

@@ -42,9 +42,13 @@ class FindInputs(NamedTuple):
     Attributes
     ----------
     name
-        The value of the option. size_m Width and length of the target. signature Radiances of the
-        target and of the canopy. assumed Name of an assumed signature; empty if the request gives
-        the numbers of the signature.
+        The value of the option.
+    size_m
+        Width and length of the target.
+    signature
+        Radiances of the target and of the canopy.
+    assumed
+        Name of an assumed signature; empty if the request gives the numbers of the signature.
     false_alarms
         False alarms per hectare.
     """
@@ -66,24 +70,40 @@ class PlanInputs(NamedTuple):
         The request for documents, including the values that its area and its scene determine.
     scene_name
         Name of the scene in the request.  If the request describes the scene by numbers, it is the
-        name of the scene itself. loaded The scene and the other content of its file, with heights
-        above ground. camera The camera. altitude_m Altitude above the focal plane.
+        name of the scene itself.
+    loaded
+        The scene and the other content of its file, with heights above ground.
+    camera
+        The camera.
+    altitude_m
+        Altitude above the focal plane.
     focal_height_m
         Height of the focal plane above ground.
     model, view, rays
         The visibility model, its view, and its kind of rays; None if the model does not have them.
-        edges Targets that the measured model counts. coverage Share of the occluders that must have
-        d̂ >= 1. hold_error_m Standard deviation of the position at each site, per axis.
+    edges
+        Targets that the measured model counts.
+    coverage
+        Share of the occluders that must have d̂ >= 1.
+    hold_error_m
+        Standard deviation of the position at each site, per axis.
     requirement
         The target visibility.
     find
-        The target whose probability of detection is computed, or None. bounds Bounds on baseline
-        and samples. objective The quantity that is minimised or maximised.
+        The target whose probability of detection is computed, or None.
+    bounds
+        Bounds on baseline and samples.
+    objective
+        The quantity that is minimised or maximised.
     grids
-        Kinds of grid to compare; only one if the request names one. heading_deg Direction of the
-        flight lines, clockwise from true north. compares_headings Whether the best heading is
-        searched for, and `heading_deg` is ignored. origin Latitude and longitude of the middle of
-        the grid; None if the plan has no location or covers an area.
+        Kinds of grid to compare; only one if the request names one.
+    heading_deg
+        Direction of the flight lines, clockwise from true north.
+    compares_headings
+        Whether the best heading is searched for, and `heading_deg` is ignored.
+    origin
+        Latitude and longitude of the middle of the grid; None if the plan has no location or covers
+        an area.
     line_length_m
         Length of a continuous line; None for one grid.
     line_pitch
@@ -92,9 +112,12 @@ class PlanInputs(NamedTuple):
         The area to cover, and its no-fly zones; None for one grid.
     max_sites
         Largest number of sites over an area.  Areas that need more sites are refused.
-        wants_sensitivity Whether the effect of a different scene on the plan is computed. flight
-        Settings of the flight. folder Folder in which the files of the request are looked for
-        before the current folder.
+    wants_sensitivity
+        Whether the effect of a different scene on the plan is computed.
+    flight
+        Settings of the flight.
+    folder
+        Folder in which the files of the request are looked for before the current folder.
     """
 
     request: PlanRequest
@@ -154,10 +177,13 @@ def resolve_inputs(
     request
         The request.
     folder
-        Folder in which its files are looked for before the current folder. load Function that
-        returns the scene of a request, if the caller has read the scene before.  It replaces
-        `aosplan.planning.loaded_scene.load_scene`. progress Function that is called with the number
-        of points read and the total, while a point cloud is read.
+        Folder in which its files are looked for before the current folder.
+    load
+        Function that returns the scene of a request, if the caller has read the scene before.  It
+        replaces `aosplan.planning.loaded_scene.load_scene`.
+    progress
+        Function that is called with the number of points read and the total, while a point cloud is
+        read.
 
     Raises
     ------

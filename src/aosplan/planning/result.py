@@ -103,8 +103,9 @@ class Plan(PlanData):
         ----------
         path
             Path of the output.  The extension selects the format.  A format name before a colon
-            overrides the extension: ``csv:grid.txt``. format Name of the format; it overrides the
-            extension.
+            overrides the extension: ``csv:grid.txt``.
+        format
+            Name of the format; it overrides the extension.
         force
             Whether an existing file is overwritten.
 

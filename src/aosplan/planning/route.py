@@ -221,10 +221,17 @@ def build_route(
     Parameters
     ----------
     flight
-        Settings of the flight. sites Sites in flight order, relative to the origin. heading_deg
-        Direction of the flight lines, clockwise from true north. origin Latitude and longitude
-        [deg]; None if the plan has no location. altitude_m Height of every site above the ground.
-        baseline_m Distance between neighbouring sites.
+        Settings of the flight.
+    sites
+        Sites in flight order, relative to the origin.
+    heading_deg
+        Direction of the flight lines, clockwise from true north.
+    origin
+        Latitude and longitude [deg]; None if the plan has no location.
+    altitude_m
+        Height of every site above the ground.
+    baseline_m
+        Distance between neighbouring sites.
     canopy_top_m
         Height of the canopy above ground.
 
@@ -232,8 +239,9 @@ def build_route(
     ------
     RequestError
         If the terrain file does not cover the route, or if the waypoint to resume at does not
-        exist.  InfeasibleError If the wind is too strong, or if one battery is not enough for the
-        flight to a site.
+        exist.
+    InfeasibleError
+        If the wind is too strong, or if one battery is not enough for the flight to a site.
     """
     timing, limit = timing_at_baseline(flight, heading_deg, baseline_m)
 

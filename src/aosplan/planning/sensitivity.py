@@ -126,7 +126,10 @@ def changed(scene: Scene, quantity: str, factor: float) -> Scene:
     Parameters
     ----------
     scene
-        A uniform or layered scene. quantity ``density``, ``occluder_size`` or ``height``. factor
+        A uniform or layered scene.
+    quantity
+        ``density``, ``occluder_size`` or ``height``.
+    factor
         Factor, greater than 0.
 
     Raises

@@ -29,10 +29,15 @@ class ShapeSpace:
     Parameters
     ----------
     request
-        The request. altitude_m The highest altitude that is allowed, above the focal plane. view
-        The footprint along and across the heading, divided by the altitude. over_area Whether the
-        plan covers an area instead of a single place. most_samples Largest number of photos of each
-        point.
+        The request.
+    altitude_m
+        The highest altitude that is allowed, above the focal plane.
+    view
+        The footprint along and across the heading, divided by the altitude.
+    over_area
+        Whether the plan covers an area instead of a single place.
+    most_samples
+        Largest number of photos of each point.
     """
 
     def __init__(

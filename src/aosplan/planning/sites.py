@@ -32,8 +32,9 @@ class Layout(NamedTuple):
     sites
         Metres east and north of the origin.
     origin
-        Latitude and longitude; None if the plan has no location. survey Coverage of an area; None
-        without an area.
+        Latitude and longitude; None if the plan has no location.
+    survey
+        Coverage of an area; None without an area.
     continuous
         The integrals along a continuous line; None for other grids.
     area

@@ -84,9 +84,10 @@ def solve_inputs(
     on_trial
         As in `aosplan.planning.planner.plan`.
     memo
-        Stored results, which plans over the same scene share. count_required, seek_remedy Whether
-        the smallest number of samples at the baseline of the solution is computed, and whether a
-        remedy is computed if the target cannot be met.  Each of the two needs a search.
+        Stored results, which plans over the same scene share.
+    count_required, seek_remedy
+        Whether the smallest number of samples at the baseline of the solution is computed, and
+        whether a remedy is computed if the target cannot be met.  Each of the two needs a search.
 
     Raises
     ------

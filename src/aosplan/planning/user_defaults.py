@@ -84,8 +84,9 @@ def request_of(
     Parameters
     ----------
     path
-        Request file or saved result, or None. flags Options by name.  None means that an option is
-        not given.
+        Request file or saved result, or None.
+    flags
+        Options by name.  None means that an option is not given.
     defaults
         The value of ``--defaults``.
     """

@@ -51,8 +51,11 @@ def choose_flight(
     Parameters
     ----------
     request
-        A request with ``within``, or with detection as its objective. folder Folder in which its
-        files are looked for before the current folder. load Function that returns the scene.
+        A request with ``within``, or with detection as its objective.
+    folder
+        Folder in which its files are looked for before the current folder.
+    load
+        Function that returns the scene.
 
     Returns
     -------
@@ -62,8 +65,9 @@ def choose_flight(
     Raises
     ------
     RequestError
-        If values contradict each other.  InfeasibleError If no flight within the time is possible,
-        or if no such flight reaches the target.
+        If values contradict each other.
+    InfeasibleError
+        If no flight within the time is possible, or if no such flight reaches the target.
     """
     asked = request
     assumed: tuple[Message, ...] = ()

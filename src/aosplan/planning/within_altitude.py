@@ -88,7 +88,9 @@ class AltitudeSearch:
     Parameters
     ----------
     request
-        The request. ways The ways to fly.  All of them have the same altitude.
+        The request.
+    ways
+        The ways to fly.  All of them have the same altitude.
     """
 
     def __init__(self, request: PlanRequest, ways: tuple[Way, ...]) -> None:

@@ -25,8 +25,12 @@ class WithinRow(NamedTuple):
     Attributes
     ----------
     minutes
-        The allowed time. timed The flight; None if no flight is possible. value The objective: a
-        probability, a visibility or a contrast, or minus the quantity that is minimised.
+        The allowed time.
+    timed
+        The flight; None if no flight is possible.
+    value
+        The objective: a probability, a visibility or a contrast, or minus the quantity that is
+        minimised.
     """
 
     minutes: float
@@ -61,12 +65,18 @@ class WithinResult(NamedTuple):
     Attributes
     ----------
     asked
-        The original request, without the options that the search chose. minutes The allowed time.
-        If none was given, the time at which more time gains little. rows The best flights within
-        half the time, within the time, and within twice the time. curve Flight time [s] and
-        objective of the best flights within multiples of the time, by increasing time. predicted,
-        laid_out Number of grids that were predicted, and number of flights that were planned
-        completely. notices Assumptions of the search.
+        The original request, without the options that the search chose.
+    minutes
+        The allowed time.  If none was given, the time at which more time gains little.
+    rows
+        The best flights within half the time, within the time, and within twice the time.
+    curve
+        Flight time [s] and objective of the best flights within multiples of the time, by
+        increasing time.
+    predicted, laid_out
+        Number of grids that were predicted, and number of flights that were planned completely.
+    notices
+        Assumptions of the search.
     """
 
     asked: PlanRequest

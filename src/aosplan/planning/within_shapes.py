@@ -215,7 +215,8 @@ def lay_out(candidate: FlownShape) -> TimedFlight:
     Raises
     ------
     RequestError
-        If the flight has too many sites, or if the terrain file does not cover it.  InfeasibleError
+        If the flight has too many sites, or if the terrain file does not cover it.
+    InfeasibleError
         If it cannot be flown.
     """
     shape, way = candidate.shape, candidate.way

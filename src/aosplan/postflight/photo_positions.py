@@ -50,9 +50,10 @@ class Photos(NamedTuple):
     places
         Position of each photo by file name, in order; None if the photo has no position.
     doubtful
-        Reason why the position of a photo is not used, by file name. paired Photos that are left
-        out because another photo of the same shot is used.  The keys are the names of the photos
-        that are left out, and the values are the names of the used photos.
+        Reason why the position of a photo is not used, by file name.
+    paired
+        Photos that are left out because another photo of the same shot is used.  The keys are the
+        names of the photos that are left out, and the values are the names of the used photos.
     """
 
     places: dict[str, Place | None]

@@ -179,7 +179,8 @@ def _taken(route: Iterable[tuple[str, Any, Any, Any, int, float | None]]) -> lis
 def _passed(
     start: Place, stop: Place, spacing_m: float, gone_m: float
 ) -> tuple[list[Place], float]:
-    """Photos by distance on a leg, and the distance between the last photo and the end of the leg.
+    """Positions of the photos that a distance trigger takes on a leg, and the distance between the
+    last photo and the end of the leg.
 
     `gone_m` is the distance that was flown since the last photo before the leg.
     """

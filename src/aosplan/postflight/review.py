@@ -69,23 +69,31 @@ class Review:
     east_m, north_m
         Positions of the photos relative to the origin of the plan.
     tolerance_m
-        Largest distance between a photo and its site. sites Indices of the plan's sites among its
-        waypoints. missing Indices of the sites without a photo, in flight order. site_of, off_m For
-        each photo, index of the nearest site in `sites`, and the distance to it. flown, completed
+        Largest distance between a photo and its site.
+    sites
+        Indices of the plan's sites among its waypoints.
+    missing
+        Indices of the sites without a photo, in flight order.
+    site_of, off_m
+        For each photo, index of the nearest site in `sites`, and the distance to it.
+    flown, completed
         Prediction for the photos, and for the photos together with photos at the missing sites;
         None if there is no single prediction.
     counted
-        Number of photos that the prediction includes. topup The plan with a path through the
-        missing sites only; None if no sites are missing.  Over an area, it has the missing sites
-        that close gaps of the coverage.  If there is a time limit, it has as many of these sites as
-        the time allows.
+        Number of photos that the prediction includes.
+    topup
+        The plan with a path through the missing sites only; None if no sites are missing.  Over an
+        area, it has the missing sites that close gaps of the coverage.  If there is a time limit,
+        it has as many of these sites as the time allows.
     warnings
         Warnings for the user.
     detection
         Probability that the plan's target is found; over an area, the mean of this probability.
-        None without a target, or if there is no single prediction. coverage Coverage of an area by
-        the photos, at each place; None without an area. after The coverage with the photos of the
-        top-up in addition.
+        None without a target, or if there is no single prediction.
+    coverage
+        Coverage of an area by the photos, at each place; None without an area.
+    after
+        The coverage with the photos of the top-up in addition.
     """
 
     plan: Plan
@@ -189,7 +197,8 @@ def review(
         The request of the plan.
     views
         The photos.  Positions in metres are relative to the origin of the plan.  If a plan has no
-        location, it is given the location at which most of its sites have a photo. tolerance_m
+        location, it is given the location at which most of its sites have a photo.
+    tolerance_m
         Largest distance between a photo and its site; default: half the smaller pitch.
     longest_s
         Longest time of the top-up, from take-off to landing.
@@ -199,8 +208,9 @@ def review(
     Raises
     ------
     RequestError
-        In the same cases as `plan`.  Also if a position is too far from the plan.  InfeasibleError
-        In the same cases as `plan`.  Also if no missing photo can be taken within the time of the
+        In the same cases as `plan`, or if a position is too far from the plan.
+    InfeasibleError
+        In the same cases as `plan`, or if no missing photo can be taken within the time of the
         top-up.
     """
     # The flight is compared with the whole plan, not only with the part of the last battery.

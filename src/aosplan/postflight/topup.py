@@ -33,8 +33,9 @@ class TopUp(NamedTuple):
     plan
         The plan with the path of this flight.
     sites
-        Waypoints of the plan that it visits, in increasing order. wanted, all_s Number of all
-        requested sites, and the time of a flight to all of them.
+        Waypoints of the plan that it visits, in increasing order.
+    wanted, all_s
+        Number of all requested sites, and the time of a flight to all of them.
     """
 
     plan: Plan

@@ -113,7 +113,9 @@ class Occlusion:
         volume.  Positions of telecentric rays are rounded to 1/k of a voxel.
     focal_height_m
         Height above the ground of the focal plane, which contains the targets.  Occluders below it
-        are ignored. window The targets to compute; None for all targets.
+        are ignored.
+    window
+        The targets to compute; None for all targets.
 
     Raises
     ------

@@ -30,7 +30,9 @@ def shifts(offsets: Floats, slope: Floats, middle: Floats, per_cell: int) -> NDA
     Parameters
     ----------
     offsets
-        Shape (N, 2): offsets of the cameras from their targets, in targets.
+        Shape (N, 2):
+    offsets
+        of the cameras from their targets, in targets.
     slope
         Shape (N, 2): offsets divided by the altitude, which is tan θ along x and y.
     middle

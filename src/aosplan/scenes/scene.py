@@ -174,9 +174,10 @@ class LayeredScene:
         The slices, from bottom to top, without overlap.
     measured_density
         Measured p, which is the column occupancy of a point cloud.  It is needed if the slices are
-        not independent.  If it is None, p is computed from the slices. voxel_m Voxel size of the
-        point cloud from which the layers were computed.  The coverage rule uses it as occluder
-        size.  If it is None, the rule uses the occluder size of each layer.
+        not independent.  If it is None, p is computed from the slices.
+    voxel_m
+        Voxel size of the point cloud from which the layers were computed.  The coverage rule uses
+        it as occluder size.  If it is None, the rule uses the occluder size of each layer.
     """
 
     name: str

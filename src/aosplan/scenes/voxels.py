@@ -70,12 +70,16 @@ class VoxelVolume:
         Thickness of a slice if it differs from the edge length of a voxel.  The voxels are then
         plates without side faces: a ray meets one plate in each slice, and slanted rays meet
         further plates, in proportion to the length of their path.  If it is None, the voxels are
-        cubes. cell_voxels Number of voxels along each side of a plate.  The second plate that a ray
-        meets in a slice is this number of voxels beside the first. opacity Record of the method by
-        which the opacity was found, for volumes from point clouds. bounds The voxels for two
-        extreme assumptions: the first return of each pulse has all its energy, or the last return
-        has all of it.  These are the densest and the most open stand that are consistent with the
-        pulses.
+        cubes.
+    cell_voxels
+        Number of voxels along each side of a plate.  The second plate that a ray meets in a slice
+        is this number of voxels beside the first.
+    opacity
+        Record of the method by which the opacity was found, for volumes from point clouds.
+    bounds
+        The voxels for two extreme assumptions: the first return of each pulse has all its energy,
+        or the last return has all of it.  These are the densest and the most open stand that are
+        consistent with the pulses.
     place
         Latitude and longitude [deg] of the plot, if the source has a location.
 

@@ -58,11 +58,14 @@ class SearchComparison(NamedTuple):
         variation between forests.
     simulated_at_rate
         Share of the targets found with the threshold that gives the specified rate of false alarms
-        in the searched forests. false_alarms_per_hectare, stated_per_hectare False alarms per
-        hectare with the predicted threshold, and the specified number. seen, seen_errors For each s
-        of `SHARES`, the simulated probability of a seen share of at least s, and its standard
-        error. seen_predicted For each s of `SHARES`, the predicted probability of a seen share of
-        at least s.
+        in the searched forests.
+    false_alarms_per_hectare, stated_per_hectare
+        False alarms per hectare with the predicted threshold, and the specified number.
+    seen, seen_errors
+        For each s of `SHARES`, the simulated probability of a seen share of at least s, and its
+        standard error.
+    seen_predicted
+        For each s of `SHARES`, the predicted probability of a seen share of at least s.
     forest, forests, targets, hectares, seed
         Kind and number of forests, number of targets, searched area, random seed.
     """

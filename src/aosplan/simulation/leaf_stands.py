@@ -28,8 +28,9 @@ class LeafStand(NamedTuple):
     Attributes
     ----------
     size_m
-        Edge length of the plot.  The plot is periodic along x and y. centre_m Shape (3, n): centres
-        of the leaves, within the plot.
+        Edge length of the plot.  The plot is periodic along x and y.
+    centre_m
+        Shape (3, n): centres of the leaves, within the plot.
     normal
         Shape (3, n): unit vectors normal to the leaves.
     radius_m
@@ -137,7 +138,8 @@ def crowned_stand(
     rng
         Random generator of the stand.
     size_m
-        Edge length of the periodic plot. leaf_area_index
+        Edge length of the periodic plot.
+    leaf_area_index
         Area of the leaves divided by that of the plot.
     crowns, crown_radius_m, base_m, top_m
         Number of crowns, their radius, and the heights of their bottom and top.

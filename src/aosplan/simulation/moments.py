@@ -78,10 +78,12 @@ def estimate(samples: Sequence[Counts], *, one_plot: bool = False) -> Estimate:
     Parameters
     ----------
     samples
-        The samples, at least one.  They are independent. one_plot Whether the samples are the
-        blocks of one plot.  In this case the estimate is exactly the result for all targets, and p²
-        is the square of the mean of all targets.  The standard error is only approximate: blocks of
-        one plot are not completely independent, and below one aperture their distributions differ.
+        The samples, at least one.  They are independent.
+    one_plot
+        Whether the samples are the blocks of one plot.  In this case the estimate is exactly the
+        result for all targets, and p² is the square of the mean of all targets.  The standard error
+        is only approximate: blocks of one plot are not completely independent, and below one
+        aperture their distributions differ.
     """
     weights = np.array([sample.targets for sample in samples], dtype=np.float64)
     weights /= weights.mean()

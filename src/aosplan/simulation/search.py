@@ -112,8 +112,9 @@ def search(
     integral
         Integral image of one forest.
     look
-        Target and radiances. wraps Whether the integral image is periodic, because the plot is
-        periodic.
+        Target and radiances.
+    wraps
+        Whether the integral image is periodic, because the plot is periodic.
     """
     shape, pitch = integral.seen.shape, integral.pitch_m
     ground = TEXTURE * gaussian_field(rng, (shape[0], shape[1]), pitch[0], TEXTURE_LENGTH_M)

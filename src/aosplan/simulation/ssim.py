@@ -42,8 +42,10 @@ def similarity(
     image, reference
         Shape (rows, columns) or (rows, columns, bands).
     covered
-        Shape (rows, columns): pixels that both images cover; None for all pixels. span Dynamic
-        range of the values, such as 255 for 8-bit images; None for the range of the reference.
+        Shape (rows, columns): pixels that both images cover; None for all pixels.
+    span
+        Dynamic range of the values, such as 255 for 8-bit images; None for the range of the
+        reference.
 
     Raises
     ------

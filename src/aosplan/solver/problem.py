@@ -113,8 +113,10 @@ class CommonGround(NamedTuple):
     Attributes
     ----------
     footprint_m
-        Size of the ground that a photo shows, along and across the heading. least_m Size of the
-        ground that all samples have to see: the size of a target, or that of a pixel. over_area
+        Size of the ground that a photo shows, along and across the heading.
+    least_m
+        Size of the ground that all samples have to see: the size of a target, or that of a pixel.
+    over_area
         Whether the grid is repeated over an area.  All samples then have to see a cell between
         sites.
     """

@@ -137,7 +137,9 @@ def solve(problem: Problem) -> Solution:
     ------
     InfeasibleError
         If no grid within the bounds meets the target.  The message gives the best value that is
-        possible.  RequestError If the solution has more sites than a plan may have.
+        possible.
+    RequestError
+        If the solution has more sites than a plan may have.
     """
     rises, ground = problem.model.rises_with_baseline, problem.bounds.ground
     if rises and ground is not None and problem.objective == "samples":
@@ -171,9 +173,11 @@ def solve_best(
     Parameters
     ----------
     problems
-        The problems, at least one. footprint_m Size of the ground that a photo shows, along and
-        across the heading. over_area Whether the grid is repeated over an area.  All samples then
-        have to see a whole cell.
+        The problems, at least one.
+    footprint_m
+        Size of the ground that a photo shows, along and across the heading.
+    over_area
+        Whether the grid is repeated over an area.  All samples then have to see a whole cell.
 
     Raises
     ------

@@ -396,8 +396,9 @@ def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> C
     patterns
         Pairs of the densest pattern of a frame and a pattern of this frame.  Let b be the smallest
         baseline at which the densest pattern may meet the target.  The other patterns of the frame
-        are not tried at baselines below b. cost The quantity to minimise.  It increases with the
-        baseline.
+        are not tried at baselines below b.
+    cost
+        The quantity to minimise.  It increases with the baseline.
     """
     fixed_m = scan.problem.bounds.baseline_m
 

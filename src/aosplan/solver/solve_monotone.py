@@ -54,7 +54,9 @@ def solve_monotone(problem: Problem) -> Solution:
     ------
     InfeasibleError
         If no grid within the bounds meets the target.  The message gives the best value that is
-        possible.  RequestError If the solution has more sites than a plan may have.
+        possible.
+    RequestError
+        If the solution has more sites than a plan may have.
     """
     bounds = problem.bounds
     if bounds.baseline_m is not None and bounds.samples is not None:

@@ -49,12 +49,14 @@ class Block(NamedTuple):
 
 
 STATUSES = ("ok", "infeasible", "invalid")
-"""Statuses: solved, without a plan that meets the target, and not a valid request."""
+"""Statuses of scenarios: solved (``ok``), no plan meets the target (``infeasible``), and the
+request is not valid (``invalid``).
+"""
 
 OK, INFEASIBLE, INVALID = range(3)
 
 DEFERRED = 3
-"""Status of a scenario that has to be solved by itself."""
+"""Status of a scenario that has to be solved individually."""
 
 
 class RowStatuses:
@@ -65,9 +67,9 @@ class RowStatuses:
     status
         Shape of the block: index in `STATUSES`, or `DEFERRED`.
     reason
-        Shape of the block: index of the reason in `texts`, -1 without one.
+        Shape of the block: index of the reason in `texts`; -1 without a reason.
     texts
-        Reasons; several scenarios may share one.
+        Reasons.  Several scenarios may have the same reason.
     """
 
     def __init__(self, shape: tuple[int, ...]) -> None:
@@ -76,7 +78,9 @@ class RowStatuses:
         self.texts: list[str] = []
 
     def defer(self, where: Any) -> None:
-        """Mark scenarios to be solved by themselves; the mask broadcasts to the block's shape."""
+        """Mark scenarios that have to be solved individually.  The mask broadcasts to the shape of
+        the block.
+        """
         if np.any(where):
             self.status[np.asarray(where) & (self.status == OK)] = DEFERRED
 
@@ -90,10 +94,10 @@ class RowStatuses:
         where
             Mask of the scenarios, which broadcasts to the block's shape.
         text
-            Function that returns the reason from the values of a scenario.
+            Function that returns the reason.  Its arguments are the values of a scenario.
         values
-            Columns that broadcast to the block's shape.  Scenarios with the same values share one
-            reason.
+            Columns that broadcast to the shape of the block.  Scenarios with the same values have
+            the same reason.
         """
         if not np.any(where):
             return

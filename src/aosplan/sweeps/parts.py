@@ -206,7 +206,10 @@ class Parts:
 
 
 def solve_part(sweep: Sweep, index: int, path: str | None, folder: str | None = None) -> Part:
-    """Solve a block and write its rows to `path` (None: write nothing), by way of `folder`."""
+    """Solve a block and write its rows to `path` (None: no rows are written).
+
+    The incomplete file is in `folder`.
+    """
     frame, gathered = sweep.part(index)
     size, checksum = (0, "") if path is None else write_frame(frame, path, folder)
     return Part(index, frame.height, size, checksum, gathered)

@@ -57,18 +57,24 @@ def run(
         The sweep to solve.
     out
         Path of the result.  It has one of the extensions `SUFFIXES`, or it is a folder
-        (`aosplan.sweeps.parquet_folder.is_folder`). resume, force Whether an interrupted run is
-        continued, and whether an existing result is overwritten. workers Number of processes.  With
-        1, only the current process is used. scheduler Address of a Dask cluster that solves the
-        scenarios instead of this machine. progress Function that is called with the number of
-        scenarios that have been solved since its last call.
+        (`aosplan.sweeps.parquet_folder.is_folder`).
+    resume, force
+        Whether an interrupted run is continued, and whether an existing result is overwritten.
+    workers
+        Number of processes.  With 1, only the current process is used.
+    scheduler
+        Address of a Dask cluster that solves the scenarios instead of this machine.
+    progress
+        Function that is called with the number of scenarios that have been solved since its last
+        call.
 
     Raises
     ------
     RequestError
-        In the same cases as `Parts.start`.  Also if a file of a scenario is not valid.
-        SurroundingsError If a file cannot be written, or if a worker is terminated.  Complete parts
-        remain for `resume`.
+        In the same cases as `Parts.start`, or if a file of a scenario is not valid.
+    SurroundingsError
+        If a file cannot be written, or if a worker is terminated.  Complete parts remain for
+        `resume`.
     """
     parts = Partitions(out, sweep) if is_folder(out) else Parts(out, sweep)
     with parts.alone():
@@ -152,7 +158,7 @@ def summarise(
     Raises
     ------
     RequestError
-        In the same cases as `Aggregation.start`.  Also if a file of a scenario is not valid.
+        In the same cases as `Aggregation.start`, or if a file of a scenario is not valid.
     """
     gathering = start_aggregation(sweep, path, resume=resume, force=force)
     advance = progress or (lambda _: None)

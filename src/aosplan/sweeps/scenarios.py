@@ -423,8 +423,10 @@ def polars() -> Any:
     Raises
     ------
     MissingExtraError
-        If polars is not installed.  SurroundingsError If a memory limit is too low for polars.
-        Without this check, the process would end without a message.
+        If polars is not installed.
+    SurroundingsError
+        If a memory limit is too low for polars.  Without this check, the process would end without
+        a message.
     """
     if "polars" not in sys.modules:
         _check_room()

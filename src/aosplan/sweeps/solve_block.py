@@ -74,9 +74,11 @@ def solve_block(
     block
         The scenarios.
     names
-        Options to include.  They are columns of the block. results Names of the results to include,
-        from `RESULTS` and `DETECTION`. folder Folder in which the files of the scenarios are looked
-        for first.
+        Options to include.  They are columns of the block.
+    results
+        Names of the results to include, from `RESULTS` and `DETECTION`.
+    folder
+        Folder in which the files of the scenarios are looked for first.
     """
     pl = polars()
     numbers = {name: np.full(block.rows, np.nan) for name in results}

@@ -111,7 +111,9 @@ def solve_rows(
     block, rows
         The block, and indices of the scenarios in it.
     folder
-        Folder in which files are looked for first. results Results to compute.
+        Folder in which files are looked for first.
+    results
+        Results to compute.
     """
     values = [block.request_values(row) for row in rows.tolist()]
     alike: dict[tuple[Any, ...], list[int]] = {}

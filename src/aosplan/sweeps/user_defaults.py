@@ -38,8 +38,9 @@ def with_defaults(
     scenarios
         The scenarios.
     own, where
-        Defaults by option, and the file of these defaults. folder Folder in which files of the
-        scenarios are looked for first.
+        Defaults by option, and the file of these defaults.
+    folder
+        Folder in which files of the scenarios are looked for first.
 
     Raises
     ------

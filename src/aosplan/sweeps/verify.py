@@ -351,8 +351,11 @@ def verify(
         The scenarios, the drawn rows, and the settings of the draw.
     settings
         Settings of the simulation.  The seed of a row is computed from the seed of the settings and
-        the index of the row. folder Folder in which files of the scenarios are looked for first.
-        progress Function that is called with the number of finished rows and the total.
+        the index of the row.
+    folder
+        Folder in which files of the scenarios are looked for first.
+    progress
+        Function that is called with the number of finished rows and the total.
     """
     rows = sample(draw, drawing)
     checks = []

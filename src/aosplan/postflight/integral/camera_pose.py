@@ -135,7 +135,8 @@ class View:
         Name of the image file in the folder of images.
     rotation, translation
         R, shape (3, 3), and t, shape (3,), which transform world coordinates to camera coordinates.
-        intrinsics The camera; None if the file of poses does not contain it.
+    intrinsics
+        The camera; None if the file of poses does not contain it.
     """
 
     name: str

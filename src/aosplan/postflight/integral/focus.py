@@ -237,8 +237,9 @@ def find_focus(
         One of `ALIGNMENTS`.
     sigma_m
         Standard deviation of recorded positions.  Shifts of up to three times this value are
-        examined. progress Function that is called with the number of finished steps and the total
-        number of steps.
+        examined.
+    progress
+        Function that is called with the number of finished steps and the total number of steps.
 
     Raises
     ------

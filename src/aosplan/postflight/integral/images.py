@@ -184,7 +184,9 @@ def read_picture(path: str, block_px: int = 1) -> Picture:
     ------
     RequestError
         If the file is not an image or is damaged, or if the image has too many pixels for the size
-        of the file.  SurroundingsError If the file cannot be read.
+        of the file.
+    SurroundingsError
+        If the file cannot be read.
     MissingExtraError
         If Pillow is not installed.
     """

@@ -90,14 +90,15 @@ def read_photo_poses(
     folder
         Folder with photos that have GPS positions.
     options
-        The choice of photos, and values for missing metadata. camera Function that returns the
-        intrinsics of a photo.  They replace the metadata of the photo.
+        The choice of photos, and values for missing metadata.
+    camera
+        Function that returns the intrinsics of a photo.  They replace the metadata of the photo.
 
     Raises
     ------
     RequestError
-        If a value is missing in a photo, in the options and in a plan.  Also if the folder has
-        photos of several bands and no band is chosen.
+        If a value is missing in a photo, in the options and in a plan, or if the folder has photos
+        of several bands and no band is chosen.
     """
     plan, messages = _plan_of(folder, options)
     places, doubtful = photo_places(folder)

@@ -156,7 +156,8 @@ class Recording:
         ----------
         extent
             ``centre``, ``all``, or (smallest x, smallest y, largest x, largest y) [m] on the plane.
-            gsd_m Side of a pixel; None for the size of the central view's pixels on the plane.
+        gsd_m
+            Side of a pixel; None for the size of the central view's pixels on the plane.
 
         Raises
         ------

@@ -194,9 +194,7 @@ def with_scale(png: bytes, integral: Integral) -> bytes:
 
 
 def _round(length: float) -> float:
-    """The largest number of the form 1, 2 or 5 times a power of ten that is not larger than a
-    length.
-    """
+    """Round a length down to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(length))
     return float(
         max(step * power for step in (1.0, 2.0, 5.0) if step * power <= length * (1 + 1e-9))

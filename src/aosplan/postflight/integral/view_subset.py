@@ -33,8 +33,9 @@ class ViewSubset(NamedTuple):
         Smallest distance between views; None for no limit.
     aperture_m
         Side of a square around the centre of the recording.  Only views in this square are used.
-        views Numbers from 1, ranges and names, separated by commas, or a file that contains these;
-        None for all views.
+    views
+        Numbers from 1, ranges and names, separated by commas, or a file that contains these; None
+        for all views.
     """
 
     pitch_m: float | None = None

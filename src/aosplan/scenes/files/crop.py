@@ -73,8 +73,11 @@ class CropBox(NamedTuple):
     low_m, high_m
         Smallest and largest x and y, each of shape (2,).
     place
-        Latitude and longitude of the centre, if they are known. said Warnings for the user.
-        is_empty The error to raise if no point is in the rectangle.
+        Latitude and longitude of the centre, if they are known.
+    said
+        Warnings for the user.
+    is_empty
+        The error to raise if no point is in the rectangle.
     """
 
     low_m: Floats
@@ -116,8 +119,8 @@ def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> CropBox | Non
     Raises
     ------
     RequestError
-        If the crop is in degrees and the cloud has no coordinate reference system.  Also if the
-        user's rectangle does not overlap the cloud.
+        If the crop is in degrees and the cloud has no coordinate reference system, or if the user's
+        rectangle does not overlap the cloud.
     """
     file = next((file for file in files if file.reference.horizontal is not None), files[0])
     crs, metres = file.reference.horizontal, file.metres

@@ -57,8 +57,9 @@ class Reference(NamedTuple):
         Name of the system of z, if the file states it.
     unreadable
         Text that continues a sentence after the name of the file and tells which part cannot be
-        read; empty if all of it can be read. warnings Codes, and sentences that continue after the
-        name of the file.
+        read; empty if all of it can be read.
+    warnings
+        Codes, and sentences that continue after the name of the file.
     """
 
     units: Units = Units(None, None)
@@ -76,8 +77,9 @@ def metres_of(found: Reference, given: Units | None) -> tuple[Units, list[Warned
     Parameters
     ----------
     found
-        The statements of the file. given Units from the user, which override those that the file
-        states.
+        The statements of the file.
+    given
+        Units from the user, which override those that the file states.
     """
     if given is not None:
         return given, []

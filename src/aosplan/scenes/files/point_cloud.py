@@ -125,7 +125,8 @@ def read_voxels(
     opacity
         ``voxels``: a voxel is opaque if it contains a point.  ``pulses``: the opacity is fitted to
         the laser pulses (`aosplan.scenes.pulses`) and represented by smaller cells.  ``auto``:
-        ``pulses`` if the cloud has usable pulses, otherwise ``voxels`` with a warning. leaf_size_m
+        ``pulses`` if the cloud has usable pulses, otherwise ``voxels`` with a warning.
+    leaf_size_m
         Edge of these smaller cells.  If it is None, it is 0.06 m, or more on large plots.
     trajectory
         CSV file with positions of the sensor (`aosplan.scenes.pulses.trajectory`); None to

@@ -44,8 +44,9 @@ class VoxelGrid(NamedTuple):
     slices
         Number of slices of voxels.
     cut_m
-        Height below which lengths are ignored. size_m Size of the plot along x and y.  The plot may
-        fill the last row and column only partly.
+        Height below which lengths are ignored.
+    size_m
+        Size of the plot along x and y.  The plot may fill the last row and column only partly.
     """
 
     ground_m: NDArray[np.float32]
@@ -155,7 +156,9 @@ def paths_to_hits(
     returns, pulses
         The pulses.
     energy
-        Shape (n,): energy of each return.
+        Shape (n,):
+    energy
+        of each return.
     to_sensor
         Shape (3, P): unit vectors from the pulses to the sensor.
     grid

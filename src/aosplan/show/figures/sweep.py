@@ -202,8 +202,9 @@ def results_of(
     path
         A result of ``aosplan sweep``: .csv, .parquet or .jsonl, or a folder.
     x, y
-        Columns: results for a scatter plot, any columns for a map. value A result that is drawn as
-        a map over x and y; None for a scatter plot.
+        Columns: results for a scatter plot, any columns for a map.
+    value
+        A result that is drawn as a map over x and y; None for a scatter plot.
 
     Raises
     ------

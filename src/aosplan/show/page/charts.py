@@ -68,7 +68,9 @@ class Chart(NamedTuple):
         Position of the plan: position along the axis, V̂ and V.
     bounds, levels
         Vertical lines at the limits of the plan, and horizontal lines at the target and the limits
-        of V. rows Numbers of the curves: value along the axis, V̂ and V.
+        of V.
+    rows
+        Numbers of the curves: value along the axis, V̂ and V.
     """
 
     name: str

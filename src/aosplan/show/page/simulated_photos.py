@@ -25,14 +25,17 @@ class SimulatedPhotos(NamedTuple):
     seed
         Random seed.
     missing
-        Reason why there are no pictures; empty if there are pictures. single, integral, endless A
-        resolution chart behind trees: in the middle photo, in the integral image of all photos, and
-        for infinitely many photos.
+        Reason why there are no pictures; empty if there are pictures.
+    single, integral, endless
+        A resolution chart behind trees: in the middle photo, in the integral image of all photos,
+        and for infinitely many photos.
     size
         Number of columns and rows of each.
     expected, single_visibility
         V of the integral image, and share of the targets that the middle photo sees, in this
-        volume. predicted V that the model predicts for the same rays.
+        volume.
+    predicted
+        V that the model predicts for the same rays.
     view
         ``perspective`` or ``telecentric``.
     """

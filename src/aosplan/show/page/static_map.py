@@ -33,9 +33,13 @@ class StaticMap(NamedTuple):
     Attributes
     ----------
     summary
-        Description of the path as text. height Height of the map.  Its width is `WIDTH`. shapes
-        Class and outline of the shapes below the path, beginning with the lowest. flights Path and
-        sites of each flight.  Sites are lines of zero length.
+        Description of the path as text.
+    height
+        Height of the map.  Its width is `WIDTH`.
+    shapes
+        Class and outline of the shapes below the path, beginning with the lowest.
+    flights
+        Path and sites of each flight.  Sites are lines of zero length.
     turns
         Waypoints without a photo, as lines of zero length.
     first, last, takeoff

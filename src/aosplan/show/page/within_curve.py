@@ -28,7 +28,9 @@ class WithinCurve(NamedTuple):
     points
         Points of the curve in the format of SVG.
     marks
-        Positions of the marks on the curve. chosen Position of the plan.
+        Positions of the marks on the curve.
+    chosen
+        Position of the plan.
     """
 
     title: str

@@ -90,8 +90,9 @@ def solve_columns(
     block
         The scenarios.
     folder
-        Folder in which files of the scenarios are looked for first. results Results to compute.
-        Quantities that no result needs are skipped.
+        Folder in which files of the scenarios are looked for first.
+    results
+        Results to compute.  Quantities that no result needs are skipped.
     """
     mask = solvable_as_columns(block)
     if mask is None:

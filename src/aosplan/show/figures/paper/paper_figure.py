@@ -54,7 +54,9 @@ class PaperFigure(NamedTuple):
     seed
         Seed of the simulations.
     names, rows
-        The numbers that are drawn, as a table: names of the columns, and rows.
+        The numbers that are drawn, as a table:
+    names
+        of the columns, and rows.
     values
         Quantities that the paper states, beside those computed here.
     remarks
