@@ -29,10 +29,13 @@ class Confidence(NamedTuple):
     Attributes
     ----------
     uncertainty
-        Standard errors of the prediction; None if they are not known. uncertainty_reason Reason why
-        they are not known; empty if they are known. noise The expectation of the measured model
-        over position noise, or None. sensitivity Effect on the plan if the scene differs from the
-        assumed scene; empty unless requested.
+        Standard errors of the prediction; None if they are not known.
+    uncertainty_reason
+        Reason why they are not known; empty if they are known.
+    noise
+        The expectation of the measured model over position noise, or None.
+    sensitivity
+        Effect on the plan if the scene differs from the assumed scene; empty unless requested.
     """
 
     uncertainty: Uncertainty | None = None

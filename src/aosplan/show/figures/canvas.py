@@ -129,7 +129,8 @@ def rendered(
     file = io.BytesIO()
     # With this context, a figure does not depend on the Matplotlib settings of the user.
     with mpl.rc_context(), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # The warnings are about characters that no font has.
+        # The warnings are The warnings are about characters that no font has..
+        warnings.simplefilter("ignore")
         mpl.rcdefaults()
         settings: Any = mpl.rcParams
         settings.update(rules(look.theme))

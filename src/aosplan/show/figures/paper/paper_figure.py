@@ -76,7 +76,7 @@ class PaperFigure(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         return f"Fig. {self.number} of the paper: {self.subject}"
 
     def description(self) -> str:
