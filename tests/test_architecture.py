@@ -60,16 +60,19 @@ def tree_of(path):
 MODULES = {module_name(path): path for path in FILES}
 
 
+@cache
 def imports_of(path):
     """Modules that a file imports, also in functions and for types, with their lines."""
+    found = []
     for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
-            yield from ((alias.name, node.lineno) for alias in node.names)
+            found += [(alias.name, node.lineno) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert not node.level, f"{path}:{node.lineno}: imports of the project are absolute"
             for alias in node.names:
                 inner = f"{node.module}.{alias.name}"
-                yield (inner if inner in MODULES else node.module), node.lineno
+                found.append((inner if inner in MODULES else node.module, node.lineno))
+    return tuple(found)
 
 
 def chapter_of(module):
@@ -285,15 +288,18 @@ def test_no_test_reaches_for_private_names_of_a_module():
     assert taken == []
 
 
+@cache
 def defined_in(module):
     """Names at the top level of a module, by definition, import or assignment."""
+    names = set()
     for node in ast.walk(tree_of(MODULES[module])):
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
-            yield node.name
+            names.add(node.name)
         elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            yield node.id
+            names.add(node.id)
         elif isinstance(node, (ast.Import, ast.ImportFrom)):
-            yield from (alias.asname or alias.name for alias in node.names)
+            names |= {alias.asname or alias.name for alias in node.names}
+    return names
 
 
 def names_missed(path):
@@ -306,7 +312,7 @@ def names_missed(path):
                 if inner in MODULES:
                     modules[alias.asname or alias.name] = inner
                 elif node.module not in MODULES or (
-                    node.module != "aosplan" and alias.name not in set(defined_in(node.module))
+                    node.module != "aosplan" and alias.name not in defined_in(node.module)
                 ):
                     yield inner, node.lineno
     for node in ast.walk(tree):
@@ -315,7 +321,7 @@ def names_missed(path):
             and isinstance(node.value, ast.Name)
             and node.value.id in modules
             and not node.attr.startswith("__")
-            and node.attr not in set(defined_in(modules[node.value.id]))
+            and node.attr not in defined_in(modules[node.value.id])
         ):
             yield f"{modules[node.value.id]}.{node.attr}", node.lineno
 

@@ -448,8 +448,9 @@ def test_images_too_small_for_the_grid_are_an_error_with_a_remedy(file):
     assert plan.solution.met
 
 
-@pytest.mark.parametrize("optimize", ["samples", "time"])
-@pytest.mark.parametrize("vhat", [0.8, 0.88, 0.9, 0.92])
+@pytest.mark.parametrize(
+    ("vhat", "optimize"), [(0.8, "time"), (0.88, "samples"), (0.9, "time"), (0.92, "samples")]
+)
 def test_the_best_grid_is_one_that_the_images_take(file, vhat, optimize):
     path = file(shapely.box(-40, -30, 40, 30))
     # Without an interval, the grid with the shortest time takes more photos than are allowed.

@@ -30,7 +30,7 @@ def test_no_file_holds_more_than_its_target_takes(name, target, most):
     # Items of a file: home, take-off, speed, gimbal and return, and a number for each site.
     each = {"px4": 3, "ardupilot": 3}.get(target, 1)
     fits = (most - (5 if each > 1 else 0)) // each
-    for count in (fits, fits + 1, *([2 * fits + 1] if most < 1000 else [])):
+    for count in (fits, fits + 1, 2 * fits + 1) if most < 1000 else (fits + 1,):
         mission = grid(count, kind="line", autopilot=autopilot)
         pieces = split_for_limits(mission, formats()[name], size)
         sizes = [len(piece.waypoints) for piece in pieces]

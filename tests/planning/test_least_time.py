@@ -44,8 +44,7 @@ def test_at_one_place_it_is_the_time_of_the_flight(rows, columns, baseline, trig
     assert least == pytest.approx(route.total_time_s, rel=1e-9)
 
 
-@pytest.mark.parametrize("battery", [None, 6.0])
-@pytest.mark.parametrize("trigger", ["stop", "distance"])
+@pytest.mark.parametrize(("trigger", "battery"), [("stop", 6.0), ("distance", None)])
 @pytest.mark.parametrize(("rows", "columns", "baseline"), GRIDS)
 def test_over_an_area_no_flight_takes_less(rows, columns, baseline, trigger, battery):
     request = request_of(

@@ -137,7 +137,8 @@ def test_the_baseline_that_is_said_to_be_a_pixel_is_one():
 
 
 def test_a_single_photo_has_no_disparity_to_warn_of():
-    assert "disparity_below_pixel" not in codes(planned(baseline=0.01, samples=1))
+    assert "disparity_below_pixel" not in codes(planned(baseline=0.01, samples=1, vhat=0.1))
+    assert "disparity_below_pixel" in codes(planned(baseline=0.01, samples=2, vhat=0.1))
 
 
 def test_a_longer_lens_resolves_what_advice_says_it_does():

@@ -74,10 +74,10 @@ def test_no_grid_of_the_same_options_is_better_at_one_place(trigger):
     """Compared with all lanes that fit: rows, columns and spacing."""
     best = searched(within=0.7, trigger=trigger)
     x, y = best.camera.footprint_m(60.0)
-    for rows, columns, pitch in itertools.product((1, 2, 3, 5), (3, 6, 10), (1.0, 2.0)):
+    for rows, columns, pitch in itertools.product((1, 2, 4), (3, 6, 10), (1.0, 2.0)):
         width = max((rows - 1) * pitch, 1e-9)
         baseline = 0.98 * min((x - 1.7) / (columns - 1), (y - 1.7) / width)
-        for share in (1.0, 0.5, 0.25):
+        for share in (1.0, 0.5):
             lanes = {"grid": "lanes", "lanes": rows, "lane_pitch": pitch}
             request = PlanRequest(
                 altitude=60.0,

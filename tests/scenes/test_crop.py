@@ -198,6 +198,7 @@ class TestPulsesOfWidePlots:
         assert part[1].gap_weighted == pytest.approx(whole[1].gap_weighted, abs=0.01)
         assert part[0].column_occupancy == pytest.approx(whole[0].column_occupancy, abs=0.01)
 
+    @pytest.mark.slow
     def test_wide_plots_take_larger_voxels_and_wider_ones_voxels_of_points(self, monkeypatch):
         monkeypatch.setattr(point_cloud, "MOST_PULSE_COLUMNS", 3000)
         volume, opacity = pulses_of(UAS, crop=self.crop)

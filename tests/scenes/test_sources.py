@@ -37,10 +37,10 @@ def refusal(*arguments, **given):
 # --- Several files ---
 
 
-@pytest.fixture
-def tiles(tmp_path):
+@pytest.fixture(scope="module")
+def tiles(tmp_path_factory):
     """A folder with a stand in three tiles, and other files."""
-    folder = tmp_path / "tiles"
+    folder = tmp_path_factory.mktemp("stand") / "tiles"
     folder.mkdir()
     xyz, kind = stand()
     third = (xyz[0] // 7.0).astype(int)
@@ -50,9 +50,9 @@ def tiles(tmp_path):
     return folder
 
 
-@pytest.fixture
-def whole(tmp_path):
-    return read_voxels(write_cloud(tmp_path / "whole.laz", *stand()))
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return read_voxels(write_cloud(tmp_path_factory.mktemp("whole") / "whole.laz", *stand()))
 
 
 def test_tiles_are_one_stand_however_they_are_named(tiles, whole, monkeypatch):
@@ -172,13 +172,14 @@ def test_a_truncated_one_is_named(tmp_path, share):
 # --- The correlogram in a scene file ---
 
 
-@pytest.fixture
-def saved(tmp_path):
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
     """A stand as a cloud, and the files that are saved from it."""
-    cloud = write_cloud(tmp_path / "stand.laz", *stand(count=8000))
+    folder = tmp_path_factory.mktemp("saved")
+    cloud = write_cloud(folder / "stand.laz", *stand(count=8000))
     paths = {"laz": cloud}
     for suffix in ("toml", "npz"):
-        paths[suffix] = tmp_path / f"stand.{suffix}"
+        paths[suffix] = folder / f"stand.{suffix}"
         assert run(["scene", str(cloud), "--save", str(paths[suffix]), "--quiet"]) == 0
     return paths
 

@@ -19,6 +19,14 @@ DATA = CLOUDS
 real = pytest.mark.skipif(not DATA.is_dir(), reason="the real point clouds are not at hand")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory):
+    """The cache of clouds, so that each cloud is read once for all tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("AOSPLAN_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 @pytest.fixture(scope="module")
 def stand(tmp_path_factory):
     """Flat ground and boxes of leaves between 3 and 15 m, in a plot of 20 x 20 m."""

@@ -34,8 +34,14 @@ def with_shortfall(made, factor):
     return replace(made, solution=made.solution._replace(prediction=wrong))
 
 
+@pytest.fixture(scope="module")
+def clumped(flight):
+    """The same flight over a clumped stand, which is not what the model describes."""
+    return simulate(flight, Settings(1, 0.02, "clumped", "telecentric"))
+
+
 @pytest.mark.parametrize("forest", ["noise", "uniform", "layered"])
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_a_right_model_agrees(flight, forest, seed):
     found = simulate(flight, Settings(seed, 0.004, forest, "telecentric"))
     assert found.agree, found.differences
@@ -44,13 +50,13 @@ def test_a_right_model_agrees(flight, forest, seed):
 
 
 @pytest.mark.parametrize("forest", ["noise", "uniform"])
-@pytest.mark.parametrize("factor", [0.9, 1.1])
-def test_a_model_that_is_a_tenth_off_in_k_is_caught(flight, forest, factor):
+def test_a_model_that_is_a_tenth_off_in_k_is_caught(flight, forest):
     settings = Settings(1, 0.002, forest, "telecentric")
-    wrong = simulate(with_shortfall(flight, factor), settings)
-    assert not wrong.agree
-    assert any(text.startswith("V̂ is ") for text in wrong.differences)
     assert simulate(flight, settings).agree
+    for factor in (0.9, 1.1):
+        wrong = simulate(with_shortfall(flight, factor), settings)
+        assert not wrong.agree
+        assert any(text.startswith("V̂ is ") for text in wrong.differences)
 
 
 @pytest.mark.parametrize("change", [-0.02, 0.02])
@@ -79,14 +85,13 @@ def test_leaves_hide_what_is_predicted_for_the_length_of_rays(flight, forest, vi
     assert not of_leaves._replace(predicted=of_cubes.predicted).agree
 
 
-def test_what_of_a_plan_does_not_hold_for_its_photos_is_said(flight):
+def test_what_of_a_plan_does_not_hold_for_its_photos_is_said(flight, clumped):
     found = simulate(flight, Settings(1, 0.01))
     assert found.agree
     assert [text.split()[0] for text in found.as_flown] == ["p", "V"]
     assert "is for vertical rays" in found.as_flown[0]
     assert found.document()["as_flown"] == found.as_flown
     # What the model itself gets wrong is a difference, not a question of rays.
-    clumped = simulate(flight, Settings(1, 0.02, "clumped", "telecentric"))
     assert any(text.startswith("V̂") for text in clumped.differences)
     assert not any(text.startswith("V̂") for text in clumped.as_flown)
     assert simulate(flight, Settings(1, 0.02, "noise")).as_flown == []
@@ -98,10 +103,9 @@ def test_occluders_go_with_generated_forests_alone(flight, forest):
         simulate(flight, Settings(forest=forest, occluders="leaves"))
 
 
-def test_clumped_stands_do_not_keep_what_independent_occluders_promise(flight):
-    found = simulate(flight, Settings(1, 0.02, "clumped", "telecentric"))
-    assert not found.agree
-    assert found.simulated.normalized < found.predicted.normalized - 0.01
+def test_clumped_stands_do_not_keep_what_independent_occluders_promise(clumped):
+    assert not clumped.agree
+    assert clumped.simulated.normalized < clumped.predicted.normalized - 0.01
 
 
 def test_layered_scenes_agree_with_the_layered_model(tmp_path):

@@ -72,7 +72,7 @@ def flight_time(problem, pattern, baseline):
 @pytest.mark.parametrize("grid", KINDS)
 def test_the_fewest_samples_are_those_that_enumeration_finds(grid, quantity):
     solved = 0
-    for problem in problems(1, 60, grid=grid, objective="samples", quantity=quantity):
+    for problem in problems(1, 30, grid=grid, objective="samples", quantity=quantity):
         expected = enumerate_samples(problem, problem.bounds.max_samples)
         found = attempt(problem)
         assert (found and found.pattern.samples) == expected, problem
@@ -87,7 +87,7 @@ def test_the_fewest_samples_are_those_that_enumeration_finds(grid, quantity):
                 # A spiral's last neighbours stop sharing occluders where K is flat: √(1e-15).
                 accuracy = 1e-7 if grid == "spiral" else 1e-11
                 assert found.baseline_m == near(smallest, rel=accuracy)
-    assert solved > 20
+    assert solved > 10
 
 
 @pytest.mark.parametrize("grid", MOST_KINDS)
@@ -95,7 +95,7 @@ def test_the_least_aperture_is_that_of_enumeration_and_takes_the_fewest_samples_
     grid,
 ):
     solved = 0
-    for problem in problems(2, 25, grid=grid, objective="aperture"):
+    for problem in problems(2, 15, grid=grid, objective="aperture"):
         candidates = enumerate_baselines(problem, problem.bounds.max_samples)
         found = attempt(problem)
         assert (found is None) == (not candidates), problem
@@ -110,13 +110,13 @@ def test_the_least_aperture_is_that_of_enumeration_and_takes_the_fewest_samples_
         )
         assert found.pattern == expected, problem
         assert found.baseline_m == near(baseline, rel=1e-11)
-    assert solved > 8
+    assert solved > 4
 
 
 @pytest.mark.parametrize("grid", MOST_KINDS)
 def test_no_pattern_that_enumeration_finds_takes_less_time(grid):
     solved = 0
-    for problem in problems(3, 40, grid=grid, objective="time"):
+    for problem in problems(3, 20, grid=grid, objective="time"):
         candidates = enumerate_baselines(problem, problem.bounds.max_samples)
         found = attempt(problem)
         assert (found is None) == (not candidates), problem
@@ -125,7 +125,7 @@ def test_no_pattern_that_enumeration_finds_takes_less_time(grid):
         solved += 1
         least = min(flight_time(problem, *candidate) for candidate in candidates)
         assert flight_time(problem, found.pattern, found.baseline_m) <= least * (1 + 1e-9), problem
-    assert solved > 12
+    assert solved > 6
 
 
 TWO_SLICES = LayeredModel([Layer(2.0, 2.0, 0.2, 0.5), Layer(8.0, 8.0, 0.2, 0.5)], 40.0)
@@ -200,7 +200,7 @@ def test_with_fixed_samples_the_baseline_is_the_smallest_that_does_or_the_papers
 ):
     source = random.Random(5)
     solved = 0
-    for problem in problems(5, 30, grid=grid, objective=objective):
+    for problem in problems(5, 15, grid=grid, objective=objective):
         samples = source.randint(1, 60)
         fixed = problem._replace(
             bounds=Bounds(samples=samples, max_aperture_m=problem.bounds.max_aperture_m)
@@ -216,7 +216,7 @@ def test_with_fixed_samples_the_baseline_is_the_smallest_that_does_or_the_papers
         by_rule = objective == "samples" and isinstance(problem.model, UniformModel)
         expected = widest(fixed, pattern) if by_rule else smallest
         assert found.baseline_m == near(expected, rel=1e-11)
-    assert solved > 8
+    assert solved > 4
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)

@@ -17,6 +17,8 @@ from aosplan.areas.area import MARGIN_M, grown
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     Points = NDArray[np.float64]
@@ -42,6 +44,8 @@ class NoFlyZones:
     def __init__(self, keep_out: Any) -> None:
         self._wall = grown(keep_out, 0.5 * MARGIN_M)
         shapely.prepare(self._wall)
+        self._is_empty = bool(self._wall.is_empty)
+        self._bounds: list[float] = shapely.bounds(self._wall).tolist()
         self.corners = _corners(grown(keep_out, MARGIN_M))
         if len(self.corners) > MOST_CORNERS:
             raise RequestError(
@@ -53,7 +57,7 @@ class NoFlyZones:
 
     def __bool__(self) -> bool:
         """Whether there is at least one zone."""
-        return not self._wall.is_empty
+        return not self._is_empty
 
     def inside(self, points: Points) -> NDArray[np.bool_]:
         """Whether each of the points, shape (n, 2), is in a zone."""
@@ -63,9 +67,9 @@ class NoFlyZones:
     def cross(self, start: Points, stop: Points) -> NDArray[np.bool_]:
         """Whether each of the legs, with ends of shape (n, 2), passes through a zone."""
         crossing = np.zeros(len(start), bool)
-        if self._wall.is_empty:
+        if self._is_empty:
             return crossing
-        x_low, y_low, x_high, y_high = shapely.bounds(self._wall)
+        x_low, y_low, x_high, y_high = self._bounds
         low, high = np.minimum(start, stop), np.maximum(start, stop)
         near = (
             (low[:, 0] <= x_high) & (high[:, 0] >= x_low)
@@ -74,6 +78,23 @@ class NoFlyZones:
         legs = shapely.linestrings(np.stack([start[near], stop[near]], axis=1))
         crossing[near] = shapely.intersects(self._wall, legs)
         return crossing
+
+    def crosses(self, start: Sequence[float], stop: Sequence[float]) -> bool:
+        """Whether one leg passes through a zone.
+
+        This is `cross` for one leg.  A leg that is clearly beside all zones takes no arrays, because
+        the improvement of a tour tests many thousands of legs one by one.
+        """
+        x_low, y_low, x_high, y_high = self._bounds
+        (ax, ay), (bx, by) = start, stop
+        if (
+            max(ax, bx) < x_low
+            or min(ax, bx) > x_high
+            or max(ay, by) < y_low
+            or min(ay, by) > y_high
+        ):
+            return False
+        return bool(shapely.intersects(self._wall, shapely.linestrings([start, stop])))
 
     def enclosures(self, points: Points) -> NDArray[np.int64]:
         """Index of the enclosed region that contains each point; -1 if the point is not enclosed.

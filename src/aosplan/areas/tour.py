@@ -297,9 +297,11 @@ class _Circle:
         if self.zones:
             key = (one, other) if one < other else (other, one)
             if key not in self.known:
-                start, stop = self.points[key[0]], self.points[key[1]]
-                crossing = bool(self.zones.cross(start[None], stop[None])[0])
-                length = self.zones.length_m(start, stop) if crossing else math.dist(start, stop)
+                start, stop = self.xy[key[0]], self.xy[key[1]]
+                if self.zones.crosses(start, stop):
+                    length = self.zones.length_m(self.points[key[0]], self.points[key[1]])
+                else:
+                    length = math.dist(start, stop)
                 self.known[key] = self.leg_s(length)
             return self.known[key]
         return self.leg_s(math.dist(self.xy[one], self.xy[other]))
