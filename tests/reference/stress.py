@@ -18,7 +18,7 @@ import numpy as np
 import aosplan
 from aosplan.camera import disparity as geometry
 from aosplan.camera.disparity import Slab
-from aosplan.grid.patterns import Pattern, Sites, pattern_for
+from aosplan.grid.patterns import AnyPattern, Pattern, pattern_for
 from aosplan.models import equations
 from aosplan.models.correlogram import CorrelogramModel
 from aosplan.models.layered import LayeredModel
@@ -219,7 +219,7 @@ def _prediction(
 def uniform() -> Iterator[Check]:
     """Grids and trimmed grids for b from 1e-9 to 1e9 m; the exact d̂ is b over the unit baseline."""
     shares = ((0.567, 0.433), (1e-16, 1.0), (1.0, 1e-16))
-    patterns: list[Sites] = [Pattern(side, side) for side in SIDES]
+    patterns: list[AnyPattern] = [Pattern(side, side) for side in SIDES]
     patterns += [Pattern(1, 10**12), Pattern(7, 8)]
     patterns += [pattern_for("trimmed", n) for n in (3, 5, 47, 50, 65)]
     patterns += [pattern_for("lanes", 30), pattern_for("spiral", 40)]
@@ -235,7 +235,7 @@ def uniform() -> Iterator[Check]:
             yield from _prediction("uniform", corner, got, true_p, k)
 
 
-def _pattern_shortfall(pattern: Sites, dhat: Fraction) -> Fraction:
+def _pattern_shortfall(pattern: AnyPattern, dhat: Fraction) -> Fraction:
     """K of a pattern: by axes for a whole rectangle, and pair by pair for others."""
     if not isinstance(pattern, Pattern):
         return exact.pair_sum(pattern.offsets(), 1 / dhat)

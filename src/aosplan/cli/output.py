@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from rich.progress import Progress
 
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.messages import Message
     from aosplan.mission.format import Format
     from aosplan.mission.mission import Mission
@@ -190,7 +190,7 @@ class Bar:
         if self._live:
             self._show(title)
 
-    def on_trial(self, problem: Problem, pattern: Sites, baseline_m: float) -> None:
+    def on_trial(self, problem: Problem, pattern: AnyPattern, baseline_m: float) -> None:
         """Show the candidate of a search, if the search takes longer than `PATIENCE_S`."""
         if not self._live:
             return

@@ -22,7 +22,7 @@ from aosplan.numerics import SCALARS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
 
 STRAIGHT = 1e-6
 """Sine of the smallest angle that counts as a turn."""
@@ -246,7 +246,7 @@ def steady(timing: Timing, courses: Sequence[tuple[float, float]]) -> Timing:
     return timing._replace(speed_mps=min(timing.ground_speed_mps(*course) for course in courses))
 
 
-def path_of(pattern: Sites, timing: Timing | None = None) -> Path:
+def path_of(pattern: AnyPattern, timing: Timing | None = None) -> Path:
     """The path of a flight over a pattern: the legs, and the lines if sites are flown through."""
     timing = timing or Timing()
     if timing.fly_through:

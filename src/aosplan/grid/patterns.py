@@ -119,7 +119,7 @@ class Pattern(NamedTuple):
         return counts
 
 
-Sites = Pattern | Spiral
+AnyPattern = Pattern | Spiral
 """A pattern of any kind."""
 
 
@@ -253,7 +253,7 @@ def rectangle_at(grid: str, index: Any) -> tuple[Any, Any]:
     return (index + 1) // 2, index // 2 + 1
 
 
-def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 4.0) -> Sites:
+def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 4.0) -> AnyPattern:
     """The smallest pattern of a kind with at least this many samples.
 
     Trimmed grids and spirals have exactly this number.
@@ -354,7 +354,7 @@ def _outermost_first(rows: int, columns: int) -> Iterator[tuple[int, int]]:
 
 
 def local_sites(
-    pattern: Sites, baseline_m: float, heading_deg: float
+    pattern: AnyPattern, baseline_m: float, heading_deg: float
 ) -> tuple[list[float], list[float]]:
     """Sites of a pattern in flight order, as metres east and north of the rectangle's centre.
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from aosplan.grid.patterns import Pattern, Sites
+    from aosplan.grid.patterns import AnyPattern, Pattern
     from aosplan.models.memo import Known
     from aosplan.scenes.correlogram import Correlogram
 
@@ -108,7 +108,7 @@ class CorrelogramModel:
         return self.independent_baseline_m
 
     @remembered
-    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline.
 
         Each distinct offset of a lattice is looked up once.  Each pair of sites of a spiral is
@@ -149,7 +149,7 @@ class CorrelogramModel:
         shortfall = (spiral.samples + 2.0 * alike_sum) / spiral.samples**2
         return Prediction(density, 1.0 - density, max(shortfall, 0.0))
 
-    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def at_best(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """The same as `predict`, because `predict` is fast enough."""
         return self.predict(pattern, baseline_m)
 

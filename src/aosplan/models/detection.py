@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.models.clutter import Clutter
     from aosplan.scenes.scene import Layer
 
@@ -161,11 +161,11 @@ class DetectionModel:
         self.pairs.tabulate()
         return self
 
-    def predict(self, pattern: Sites, baseline_m: float) -> Detection:
+    def predict(self, pattern: AnyPattern, baseline_m: float) -> Detection:
         """Detection with a pattern flown at a baseline."""
         return self._detect(*self._of_pattern(pattern, baseline_m))
 
-    def probability(self, pattern: Sites, baseline_m: float) -> float:
+    def probability(self, pattern: AnyPattern, baseline_m: float) -> float:
         """Probability of detection with a pattern, without the other results of `predict`."""
         clutter, seen = self._of_pattern(pattern, baseline_m)
         level = threshold(clutter, seen, self.false_alarms)
@@ -178,7 +178,7 @@ class DetectionModel:
         points = np.asarray(positions_m, dtype=np.float64)
         return self._detect(*self._statistics(points, *_apart(points)))
 
-    def _of_pattern(self, pattern: Sites, baseline_m: float) -> tuple[Clutter, SeenShare]:
+    def _of_pattern(self, pattern: AnyPattern, baseline_m: float) -> tuple[Clutter, SeenShare]:
         offsets = baseline_m * np.array(list(pattern.offsets()), dtype=np.float64)
         return self._statistics(offsets, *_offsets_of(pattern, baseline_m))
 
@@ -282,7 +282,7 @@ def detected(
     return min(float(seen.weights @ found), 1.0)
 
 
-def _offsets_of(pattern: Sites, baseline_m: float) -> tuple[Floats, Floats, Floats]:
+def _offsets_of(pattern: AnyPattern, baseline_m: float) -> tuple[Floats, Floats, Floats]:
     """Distances along x and y between the photos of a pattern, with their shares of all pairs."""
     if not isinstance(pattern, Pattern):
         return _apart(baseline_m * np.array(list(pattern.offsets())))

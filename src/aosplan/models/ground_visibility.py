@@ -27,7 +27,7 @@ from aosplan.numerics import heading_axis, turned
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.models.model import Prediction, VisibilityModel
 
 NODES = ((-math.sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (math.sqrt(0.6), 5.0 / 18.0))
@@ -74,7 +74,7 @@ class GroundVisibility(NamedTuple):
 def ground_visibility(
     model: VisibilityModel,
     prediction: Prediction,
-    pattern: Sites,
+    pattern: AnyPattern,
     baseline_m: float,
     *,
     altitude_m: float,
@@ -175,7 +175,7 @@ def of_statistics(
     return at
 
 
-def followed(pattern: Sites, baseline_m: float) -> list[tuple[float, float]]:
+def followed(pattern: AnyPattern, baseline_m: float) -> list[tuple[float, float]]:
     """Samples of a pattern along x and y from the centre.  For a large pattern, only every n-th
     sample is returned.
     """
@@ -187,14 +187,14 @@ def followed(pattern: Sites, baseline_m: float) -> list[tuple[float, float]]:
     return list(_every(step, pattern, baseline_m))
 
 
-def _every(step: int, pattern: Sites, baseline_m: float) -> Iterator[tuple[float, float]]:
+def _every(step: int, pattern: AnyPattern, baseline_m: float) -> Iterator[tuple[float, float]]:
     for index, (x, y) in enumerate(pattern.offsets()):
         if index % step == 0:
             yield x * baseline_m, y * baseline_m
 
 
 def measured_at(
-    model: VisibilityModel, pattern: Sites, baseline_m: float
+    model: VisibilityModel, pattern: AnyPattern, baseline_m: float
 ) -> Callable[[float, float], tuple[float, float]]:
     """p and V of targets beside the middle of a grid over a measured scene."""
     from aosplan.models.measured import MeasuredModel

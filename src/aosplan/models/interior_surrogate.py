@@ -14,7 +14,7 @@ from aosplan.models.model import Prediction, at_heading
 from aosplan.scenes.correlogram import INTERIOR
 
 if TYPE_CHECKING:
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.scenes.correlogram import Correlogram
 
 SHARES = (0.0, *INTERIOR)
@@ -58,7 +58,7 @@ class InteriorSurrogate:
             raise AttributeError(name)
         return getattr(self._model(0), name)
 
-    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
         along, across = (side * baseline_m for side in pattern.extent)
         turn = math.radians(self.heading_deg)
@@ -80,6 +80,6 @@ class InteriorSurrogate:
         """The model of one correlogram at the heading of the patterns."""
         return at_heading(self._models[index], self.heading_deg)
 
-    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def at_best(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """The same as `predict`."""
         return self.predict(pattern, baseline_m)

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.grid.pair_offsets import quadrant_counts
-from aosplan.grid.patterns import Pattern, Sites
+from aosplan.grid.patterns import AnyPattern, Pattern
 from aosplan.grid.spiral import Spiral
 from aosplan.models.layered_pairs import RayPairs, Slices
 from aosplan.models.memo import remembered
@@ -143,7 +143,7 @@ class LayeredModel:
         return self.rays == "nadir"
 
     @remembered
-    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
         reach = self.independent_baseline_m
         if isinstance(pattern, Spiral):
@@ -165,7 +165,7 @@ class LayeredModel:
         shortfall = float((pairs * covariance).sum()) / pattern.samples**2
         return Prediction(self.density, self.transparency, shortfall)
 
-    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def at_best(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """A fast upper bound of the visibility with nadir rays.  Its computing time does not depend
         on N.
 

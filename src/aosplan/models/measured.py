@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.models.correlogram import CorrelogramModel
     from aosplan.models.memo import Known
     from aosplan.scenes.occlusion import ViewKind, Words
@@ -187,7 +187,7 @@ class MeasuredModel:
         other._predictions = {}  # noqa: SLF001 (its own)
         return other
 
-    def interior_prediction(self, pattern: Sites, baseline_m: float) -> Prediction | None:
+    def interior_prediction(self, pattern: AnyPattern, baseline_m: float) -> Prediction | None:
         """The prediction for targets whose rays stay on the plot; None if there are no such
         targets.
         """
@@ -244,7 +244,7 @@ class MeasuredModel:
         )
         return first, last
 
-    def edges_of(self, pattern: Sites, baseline_m: float) -> str:
+    def edges_of(self, pattern: AnyPattern, baseline_m: float) -> str:
         """The targets that are counted for a pattern: ``interior``, or ``wrapped`` for all
         targets.
         """
@@ -301,7 +301,7 @@ class MeasuredModel:
         return self._widest_m / (abs(math.cos(turn)) + abs(math.sin(turn)))
 
     @remembered
-    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline.  They are exact for the sites.
 
         With position noise, they are means over flights (`noise_expectation`).
@@ -310,11 +310,11 @@ class MeasuredModel:
             return self.noise_expectation(pattern, baseline_m).prediction
         return self.predict_positions(self.sites_m(pattern, baseline_m))
 
-    def sites_m(self, pattern: Sites, baseline_m: float) -> NDArray[np.float64]:
+    def sites_m(self, pattern: AnyPattern, baseline_m: float) -> NDArray[np.float64]:
         """Sites of a pattern in flight order, metres east and north of the centre, shape (N, 2)."""
         return np.column_stack(local_sites(pattern, baseline_m, self.heading_deg))
 
-    def flights_m(self, pattern: Sites, baseline_m: float) -> Iterator[NDArray[np.float64]]:
+    def flights_m(self, pattern: AnyPattern, baseline_m: float) -> Iterator[NDArray[np.float64]]:
         """Positions of flights with random deviations from the sites of a pattern, each of shape
         (N, 2).
         """
@@ -323,7 +323,7 @@ class MeasuredModel:
             missed = np.random.default_rng([NOISE_SEED, flight]).standard_normal(sites.shape)
             yield sites + self.hold_error_m * missed
 
-    def noise_expectation(self, pattern: Sites, baseline_m: float) -> NoiseExpectation:
+    def noise_expectation(self, pattern: AnyPattern, baseline_m: float) -> NoiseExpectation:
         """Expected prediction for a pattern that is flown with position noise."""
         flights = list(self.flights_m(pattern, baseline_m))
         # All flights are computed in one call, because the views share most of the work.
@@ -344,7 +344,7 @@ class MeasuredModel:
         )
         return NoiseExpectation(Prediction(p, t, shortfall), len(found), NOISE_SEED, *errors)
 
-    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def at_best(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """The same as `predict`, because there is no faster bound."""
         return self.predict(pattern, baseline_m)
 
@@ -410,7 +410,7 @@ class MeasuredModel:
         )
         return Prediction(hidden / rays, clear / rays, shortfall)
 
-    def hidden_share(self, pattern: Sites, baseline_m: float) -> NDArray[np.float64]:
+    def hidden_share(self, pattern: AnyPattern, baseline_m: float) -> NDArray[np.float64]:
         """Share of a pattern's views that do not see each target, shape (rows, columns).
 
         Only the counted targets are included.  With noise, the views are those of the first flight.
@@ -431,7 +431,7 @@ class MeasuredModel:
             hidden = hidden + bits * float(1 << digit)
         return hidden / tally.views
 
-    def hidden_at_places(self, pattern: Sites, baseline_m: float) -> list[NDArray[np.float64]]:
+    def hidden_at_places(self, pattern: AnyPattern, baseline_m: float) -> list[NDArray[np.float64]]:
         """`hidden_share` for apertures at four places of the periodic plot, half a plot apart.
 
         Each array has the shape (rows, columns), with one target per voxel.  A target has the same

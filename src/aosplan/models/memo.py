@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.models.model import Prediction
 
-    Known = dict[tuple[Sites, float, float | None, float], Prediction]
+    Known = dict[tuple[AnyPattern, float, float | None, float], Prediction]
 
 MOST_KEPT = 4096
 """Largest number of predictions that one model stores."""
@@ -35,12 +35,12 @@ Model = TypeVar("Model", bound=StoredPredictions)
 
 
 def remembered(
-    predict: Callable[[Model, Sites, float], Prediction],
-) -> Callable[[Model, Sites, float], Prediction]:
+    predict: Callable[[Model, AnyPattern, float], Prediction],
+) -> Callable[[Model, AnyPattern, float], Prediction]:
     """Decorate a method ``predict`` so that it returns a stored prediction if there is one."""
 
     @wraps(predict)
-    def recalled(self: Model, pattern: Sites, baseline_m: float) -> Prediction:
+    def recalled(self: Model, pattern: AnyPattern, baseline_m: float) -> Prediction:
         key = pattern, baseline_m, self.heading_deg, self.hold_error_m
         known = self._predictions
         if key not in known:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
 
     Floats = NDArray[np.float64]
 
@@ -136,7 +136,7 @@ class VisibilityModel(Protocol):
         depend on direction.
         """
 
-    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
@@ -154,7 +154,7 @@ class VisibilityModel(Protocol):
         `predict_positions`, elementwise.
         """
 
-    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def at_best(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """A fast upper bound of `predict`: its visibility is at least as high.
 
         It is only used if `rises_with_baseline` is true.

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
 
 PAIRS_AT_ONCE = 2_000_000
 """Largest number of pairs of neighbours that are stored at once (24 bytes each)."""
 
 
-def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float:
+def pattern_shortfall(pattern: AnyPattern, dhat: float, spread: float = 0.0) -> float:
     """Shortfall 1 - V̂ of a pattern whose neighbouring columns are d̂ apart.
 
     The sum over the pairs of a rectangle is a product of sums along both axes.  For each removed

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.models.model import VisibilityModel
 
     Floats = NDArray[np.float64]
@@ -102,7 +102,7 @@ class UniformModel(NamedTuple):
         """
         return self.unit_baseline_m
 
-    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
         if self.slices is not None and self.counts_slices(pattern, baseline_m):
             return self._with_own_digits(self.slices().predict(pattern, baseline_m))
@@ -117,7 +117,7 @@ class UniformModel(NamedTuple):
             shortfall = min(shortfall, self.slices().predict(pattern, baseline_m).shortfall)
         return Prediction(self.density, self.transparency, shortfall)
 
-    def counts_slices(self, pattern: Sites, baseline_m: float) -> bool:
+    def counts_slices(self, pattern: AnyPattern, baseline_m: float) -> bool:
         """Whether the volume is treated as slices, because the baseline is below that of the
         coverage rule.
         """
@@ -163,7 +163,7 @@ class UniformModel(NamedTuple):
         overlap: Floats = along_x * along_y
         return overlap
 
-    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def at_best(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """The same as `predict`.  If the volume is treated as slices, it is the fast bound of the
         layered model.
         """
@@ -178,7 +178,7 @@ class UniformModel(NamedTuple):
         """
         return math.sqrt(2.0) * self.hold_error_m / self.unit_baseline_m
 
-    def _predict_oblique(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def _predict_oblique(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         import numpy as np
 
         from aosplan.models.oblique_rays import bundle

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.models.detection import Detection
     from aosplan.models.signatures import Signature
     from aosplan.planning.plan_data import PlanData
@@ -84,7 +84,7 @@ def _model(
     )
 
 
-def detection_of(inputs: PlanInputs, pattern: Sites, baseline_m: float) -> Detection:
+def detection_of(inputs: PlanInputs, pattern: AnyPattern, baseline_m: float) -> Detection:
     """The detection of a plan's target with one grid, at the heading of the inputs.
 
     The measured model counts hidden targets in the voxels.  The other models use slices.
@@ -101,7 +101,7 @@ def detection_of(inputs: PlanInputs, pattern: Sites, baseline_m: float) -> Detec
 
 
 def detections_of_rows(
-    inputs: PlanInputs, rows: Sequence[tuple[Sites, float, bool]]
+    inputs: PlanInputs, rows: Sequence[tuple[AnyPattern, float, bool]]
 ) -> list[Detection | None]:
     """The detection of a plan's target with each of several grids.
 

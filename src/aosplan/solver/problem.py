@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.flight.kinematics import Timing
-from aosplan.grid.patterns import AnyFrame, Sites, frame_at, index_for, pattern_for
+from aosplan.grid.patterns import AnyFrame, AnyPattern, frame_at, index_for, pattern_for
 from aosplan.models.model import at_heading
 from aosplan.numerics import smallest_root
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from aosplan.models.model import Prediction, VisibilityModel
 
-    OnTrial = Callable[["Problem", Sites, float], None]
+    OnTrial = Callable[["Problem", AnyPattern, float], None]
 
 OBJECTIVES = ("samples", "aperture", "time", "visibility", "contrast", "detection")
 """Objectives of a plan.  The last three are maximised.  The objective ``detection`` is not passed
@@ -125,7 +125,7 @@ class CommonGround(NamedTuple):
     least_m: tuple[float, float] = (0.0, 0.0)
     over_area: bool = False
 
-    def widest_m(self, sites: Sites | AnyFrame) -> float:
+    def widest_m(self, sites: AnyPattern | AnyFrame) -> float:
         """Largest baseline at which all samples see enough common ground; infinite for one sample."""
         if sites.longer_side == 0.0:
             return math.inf
@@ -135,7 +135,7 @@ class CommonGround(NamedTuple):
             (size - least) / (side + more) for size, least, side, more in sides if side + more > 0.0
         )
 
-    def allows(self, sites: Sites | AnyFrame, baseline_m: float) -> bool:
+    def allows(self, sites: AnyPattern | AnyFrame, baseline_m: float) -> bool:
         """Whether the samples of a pattern see enough common ground."""
         return baseline_m <= self.widest_m(sites) * (1.0 + TOLERANCE)
 
@@ -173,7 +173,7 @@ class GridKind(NamedTuple):
         """The frame at an index of the sequence of this kind, counted from 1."""
         return frame_at(self.name, index, lanes=self.lanes, lane_pitch=self.lane_pitch)
 
-    def pattern(self, samples: int) -> Sites:
+    def pattern(self, samples: int) -> AnyPattern:
         """The smallest pattern of this kind with at least this many samples."""
         return pattern_for(self.name, samples, lanes=self.lanes, lane_pitch=self.lane_pitch)
 
@@ -226,15 +226,15 @@ class Problem(NamedTuple):
         timing = self.timing._replace(wind=wind) if any(self.timing.wind) else self.timing
         return self._replace(model=model, surrogate=surrogate, timing=timing)
 
-    def surrogate_prediction(self, pattern: Sites, baseline_m: float) -> Prediction:
+    def surrogate_prediction(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """Prediction of the surrogate, or of the model if there is no surrogate."""
         return (self.surrogate or self.model).predict(pattern, baseline_m)
 
-    def meets(self, pattern: Sites, baseline_m: float, tolerance: float = TOLERANCE) -> bool:
+    def meets(self, pattern: AnyPattern, baseline_m: float, tolerance: float = TOLERANCE) -> bool:
         """Whether a pattern at a baseline reaches the target."""
         return self.requirement.is_met(self.model.predict(pattern, baseline_m), tolerance)
 
-    def widest_m(self, sites: Sites | AnyFrame) -> float:
+    def widest_m(self, sites: AnyPattern | AnyFrame) -> float:
         """Largest baseline to try for a pattern, or for the patterns of a frame.
 
         A larger baseline does not improve the visibility, or it exceeds a bound on the size of the
@@ -262,7 +262,7 @@ class Problem(NamedTuple):
         bound = self.bounds.max_aperture_m
         return min(math.inf if bound is None else bound, self.model.widest_aperture_m)
 
-    def smallest_baseline_m(self, pattern: Sites) -> float | None:
+    def smallest_baseline_m(self, pattern: AnyPattern) -> float | None:
         """Smallest baseline within the bounds at which a pattern meets the target, or None."""
         widest = self.widest_m(pattern)
         if not self.meets(pattern, widest):

@@ -11,7 +11,7 @@ from aosplan.solver.problem import reached_text
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.models.model import Prediction
     from aosplan.solver.problem import Problem
 
@@ -26,10 +26,10 @@ BEST = {
 
 def solution_of(
     problem: Problem,
-    pattern: Sites,
+    pattern: AnyPattern,
     baseline_m: float,
     samples_required: int | None,
-    highest: tuple[Sites, float, float] | None = None,
+    highest: tuple[AnyPattern, float, float] | None = None,
 ) -> Solution:
     """The solution for a pattern at a baseline, with its limits.
 
@@ -53,10 +53,10 @@ def solution_limits(problem: Problem, solution: Solution) -> tuple[Limit, ...]:
 
 def _limits(
     problem: Problem,
-    pattern: Sites,
+    pattern: AnyPattern,
     baseline_m: float,
     prediction: Prediction,
-    highest: tuple[Sites, float, float] | None = None,
+    highest: tuple[AnyPattern, float, float] | None = None,
 ) -> Iterator[Limit]:
     bounds, requirement, model = problem.bounds, problem.requirement, problem.model
     extent = pattern.longer_side * baseline_m
@@ -153,7 +153,7 @@ def _limits(
 
 
 def out_of_scan(
-    problem: Problem, reached: tuple[Sites, float, Prediction] | None, most: int
+    problem: Problem, reached: tuple[AnyPattern, float, Prediction] | None, most: int
 ) -> InfeasibleError:
     """The error for a target that no searched grid meets.  The message gives the best value and its
     grid.
@@ -184,7 +184,7 @@ def value_text(problem: Problem, prediction: Prediction) -> str:
 class Solution(NamedTuple):
     """A pattern and its baseline, with the prediction and the limits that determined them."""
 
-    pattern: Sites
+    pattern: AnyPattern
     baseline_m: float
     prediction: Prediction
     samples_required: int | None

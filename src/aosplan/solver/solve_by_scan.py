@@ -42,18 +42,18 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.flight.kinematics import path_of
 from aosplan.models.model import Prediction
-from aosplan.solver.problem import GridKind
-from aosplan.solver.solution import out_of_scan, solution_of
+from aosplan.solver.problem import GridKind, Problem
+from aosplan.solver.solution import Solution, out_of_scan, solution_of
 from aosplan.solver.solve_monotone import APERTURE_SLACK, SEARCHED_SAMPLES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from aosplan.grid.patterns import AnyFrame, Sites
-    from aosplan.solver.problem import Problem
-    from aosplan.solver.solution import Solution
+    from aosplan.grid.patterns import AnyFrame, AnyPattern
 
     Cost = Callable[["Candidate"], float]
+    Test = Callable[["Candidate"], bool]
+    PatternPairs = Iterator[tuple[AnyPattern, AnyPattern]]
     Bounds = Iterator[tuple[float, "Candidate | None"]]
 
 Found = TypeVar("Found")
@@ -105,7 +105,7 @@ def near_best(objective: str, best: float) -> float:
 class Candidate(NamedTuple):
     """A pattern at a baseline."""
 
-    pattern: Sites
+    pattern: AnyPattern
     baseline_m: float
 
     @property
@@ -266,7 +266,7 @@ class Scan:
 
     def families(
         self, *, thinned: bool = False, thinned_from: int = THINNED_FROM
-    ) -> Iterator[tuple[Sites, Iterable[Sites]]]:
+    ) -> Iterator[tuple[AnyPattern, Iterable[AnyPattern]]]:
         """The patterns that may be planned, as families.  Each item is the densest pattern and all
         patterns of a family.
 
@@ -291,7 +291,7 @@ class Scan:
                 yield family[-1], dict.fromkeys(family)
             first = frame.most + 1
 
-    def baselines_m(self, sites: Sites | AnyFrame) -> list[float]:
+    def baselines_m(self, sites: AnyPattern | AnyFrame) -> list[float]:
         """The baselines of the scan for a pattern, in increasing order."""
         problem = self.problem
         fixed, widest = problem.bounds.baseline_m, problem.widest_m(sites)
@@ -308,7 +308,7 @@ class Scan:
         return [*(top * SCAN_RATIO**-step for step in steps), widest]
 
     def refined(
-        self, pattern: Sites, lower: float, baseline: float, halvings: int = REFINEMENTS
+        self, pattern: AnyPattern, lower: float, baseline: float, halvings: int = REFINEMENTS
     ) -> Candidate:
         """Bisect between a baseline that misses the target and one that meets it."""
         if self.problem.bounds.baseline_m is None:
@@ -320,7 +320,7 @@ class Scan:
                     lower = middle
         return Candidate(pattern, baseline)
 
-    def smallest(self, pattern: Sites, halvings: int = REFINEMENTS) -> Candidate | None:
+    def smallest(self, pattern: AnyPattern, halvings: int = REFINEMENTS) -> Candidate | None:
         """A pattern at the smallest baseline that meets the target, found by the scan and
         bisection.
         """
@@ -372,7 +372,7 @@ def _least_aperture(scan: Scan) -> Candidate | None:
     return least
 
 
-def _fits(scan: Scan, pattern: Sites, extent_m: float, test: Callable[[Candidate], bool]) -> bool:
+def _fits(scan: Scan, pattern: AnyPattern, extent_m: float, test: Test) -> bool:
     """Whether a pattern passes a test at the largest baseline within an extent."""
     widest, side = scan.problem.widest_m(pattern), pattern.longer_side
     fixed = scan.problem.bounds.baseline_m
@@ -381,7 +381,7 @@ def _fits(scan: Scan, pattern: Sites, extent_m: float, test: Callable[[Candidate
     return test(Candidate(pattern, min(widest, extent_m / side) if side > 0.0 else widest))
 
 
-def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> Candidate | None:
+def _least(scan: Scan, patterns: PatternPairs, cost: Cost) -> Candidate | None:
     """The candidate with the lowest cost that meets the target, found by a best-first search.
 
     Each pattern has an increasing sequence of lower bounds of its cost, one for each baseline at
@@ -403,13 +403,13 @@ def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> C
     fixed_m = scan.problem.bounds.baseline_m
 
     @cache
-    def start_m(densest: Sites) -> float:
+    def start_m(densest: AnyPattern) -> float:
         """Smallest baseline at which the densest pattern of a frame may meet the target."""
         steps = scan.baselines_m(densest)
         hopeless = math.inf if steps else 0.0
         return next((b for b in steps if scan.may_meet(Candidate(densest, b))), hopeless)
 
-    def bounds(densest: Sites, pattern: Sites) -> Iterator[tuple[float, Candidate | None]]:
+    def bounds(densest: AnyPattern, pattern: AnyPattern) -> Bounds:
         """Yield increasing lower bounds of the cost of a pattern, and finally its candidate."""
         below_m = 0.0 if fixed_m is None else fixed_m
         steps = scan.baselines_m(pattern)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from aosplan.errors import InfeasibleError
 from aosplan.flight.kinematics import Path, Timing, path_of
-from aosplan.grid.patterns import MOST_SITES, AnyFrame, Sites, check_size
+from aosplan.grid.patterns import MOST_SITES, AnyFrame, AnyPattern, check_size
 from aosplan.numerics import smallest, smallest_whole
 from aosplan.solver import refusals
 from aosplan.solver.problem import TOLERANCE, Bounds, Problem
@@ -86,7 +86,7 @@ def fewest_at(problem: Problem, baseline_m: float | None) -> int | None:
         return None
     first = problem.grid.index_of(fewest)
 
-    def at(pattern: Sites) -> float:
+    def at(pattern: AnyPattern) -> float:
         return problem.widest_m(pattern) if baseline_m is None else baseline_m
 
     def frame_meets(index: int) -> bool:
@@ -233,7 +233,7 @@ def _least_aperture_or_none(problem: Problem) -> Solution | None:
     raise AssertionError("the least extent is a frame's own")
 
 
-def _densest(problem: Problem, frame: AnyFrame) -> Sites:
+def _densest(problem: Problem, frame: AnyFrame) -> AnyPattern:
     """The pattern of a frame with the largest number of samples that is allowed."""
     return frame.pattern(min(frame.most, _most_samples(problem)))
 
@@ -246,7 +246,7 @@ def _least_time(problem: Problem) -> Solution:
     if timing.fly_through and timing.transit.speed_mps > timing.speed_mps:
         # The drone may fly faster between lines than while it takes photos.
         calm = calm.transit
-    best: tuple[float, Sites, float] | None = None
+    best: tuple[float, AnyPattern, float] | None = None
     for frame in _candidate_frames(problem):
         most = min(frame.most, _most_samples(problem))
         fewest = _lower_bound(problem, frame, most)
@@ -341,7 +341,7 @@ def _fewest_in(problem: Problem, frame: AnyFrame, baseline_m: float, most: int) 
     )
 
 
-def _preferred_baseline_m(problem: Problem, pattern: Sites) -> float:
+def _preferred_baseline_m(problem: Problem, pattern: AnyPattern) -> float:
     """The baseline that the model recommends if the objective is the number of samples, otherwise
     the smallest baseline.
     """
@@ -356,7 +356,7 @@ def _preferred_baseline_m(problem: Problem, pattern: Sites) -> float:
     return baseline
 
 
-def _solution(problem: Problem, pattern: Sites, baseline_m: float) -> Solution:
+def _solution(problem: Problem, pattern: AnyPattern, baseline_m: float) -> Solution:
     if not problem.count_required:
         return solution_of(problem, pattern, baseline_m, None)
     trimmed = problem.grid._replace(name="trimmed")

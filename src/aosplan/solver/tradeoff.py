@@ -30,7 +30,7 @@ from aosplan.solver.solve_monotone import SEARCHED_SAMPLES
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.models.model import Prediction
     from aosplan.solver.problem import Problem
     from aosplan.solver.solution import Solution
@@ -50,7 +50,7 @@ class TradeoffRow(NamedTuple):
     """One pattern at one baseline."""
 
     problem: Problem
-    pattern: Sites
+    pattern: AnyPattern
     baseline_m: float
     prediction: Prediction
     chosen: bool = False

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.flight.kinematics import Path
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.planning.resolve import PlanInputs
     from aosplan.planning.solved_plan import SolvedPlan
     from aosplan.sweeps.block import Block
@@ -268,6 +268,6 @@ def _is_plain(inputs: PlanInputs) -> bool:
 
 
 @lru_cache(maxsize=4096)
-def _path(pattern: Sites) -> Path:
+def _path(pattern: AnyPattern) -> Path:
     """The legs of a pattern that is flown with a stop at every site, without wind."""
     return path_of(pattern)

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.solver.problem import Problem
     from aosplan.solver.solution import Solution
 
@@ -18,7 +18,7 @@ class AxisBound(NamedTuple):
     text: str
 
 
-def baseline_bounds(problem: Problem, pattern: Sites) -> list[AxisBound]:
+def baseline_bounds(problem: Problem, pattern: AnyPattern) -> list[AxisBound]:
     """Baselines that are marked: limits, and the baseline beyond which there is no gain."""
     model, bounds = problem.model, problem.bounds
     found = [

@@ -18,7 +18,7 @@ from aosplan.units import length
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from aosplan.grid.patterns import Pattern, Sites
+    from aosplan.grid.patterns import AnyPattern, Pattern
 
 WIDTH, HEIGHT = 72, 20
 """Size of the largest drawing, in characters and lines."""
@@ -44,7 +44,7 @@ class Marks(NamedTuple):
 UNICODE, ASCII = Marks("●", "▶", "■", "→"), Marks("o", "S", "E", "->")
 
 
-def grid_picture(pattern: Sites, *, plain: bool = False, width: int = WIDTH) -> list[str]:
+def grid_picture(pattern: AnyPattern, *, plain: bool = False, width: int = WIDTH) -> list[str]:
     """Drawing of a grid with a legend. x is to the right and y is downwards.  It is empty for a
     single site.
     """
@@ -78,7 +78,7 @@ def flight_picture(
     return [*drawn, "", *flowed(legend, width)]
 
 
-def _site_by_site(pattern: Sites, marks: Marks, width: int) -> list[str]:
+def _site_by_site(pattern: AnyPattern, marks: Marks, width: int) -> list[str]:
     """Drawing with one character per site, if it fits.  A baseline is two characters wide, or one
     character for a single line.
     """
@@ -96,7 +96,7 @@ def _site_by_site(pattern: Sites, marks: Marks, width: int) -> list[str]:
     return []
 
 
-def _places(pattern: Sites, apart: int) -> list[tuple[int, int]]:
+def _places(pattern: AnyPattern, apart: int) -> list[tuple[int, int]]:
     """Positions of the sites in the drawing, as (line, character) in flight order.
 
     If rows are more than one baseline apart, there is one empty line between them.
@@ -109,7 +109,7 @@ def _places(pattern: Sites, apart: int) -> list[tuple[int, int]]:
     return [(lines * row, apart * column) for row, column in pattern.sites()]
 
 
-def _thinned(pattern: Sites, width: int) -> Iterable[tuple[float, float]]:
+def _thinned(pattern: AnyPattern, width: int) -> Iterable[tuple[float, float]]:
     """Sites in flight order, including the first and the last.  Their number is reduced to that
     which a drawing can show.
     """
@@ -189,7 +189,7 @@ def to_scale(
     return ["".join(line).rstrip() for line in lines], step
 
 
-def _scale_text(pattern: Sites, step: float, *, plain: bool) -> str:
+def _scale_text(pattern: AnyPattern, step: float, *, plain: bool) -> str:
     """Text with the number of sites that a dot of the drawing represents."""
     dot = "letter" if plain else "dot"
     if isinstance(pattern, Spiral):

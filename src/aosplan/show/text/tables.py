@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from aosplan.areas.survey import Survey
-    from aosplan.grid.patterns import Sites
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.maps.detection_map import DetectionMap, SearchSuccess
     from aosplan.models.model import Prediction
     from aosplan.planning.result import Plan
@@ -289,7 +289,7 @@ def _short(name: str) -> str:
     return name if len(name) <= MOST_NAMED else f"{name[: MOST_NAMED - 1]}…"
 
 
-def _shape_text(pattern: Sites, kind: str) -> str:
+def _shape_text(pattern: AnyPattern, kind: str) -> str:
     if isinstance(pattern, Spiral):
         return f"spiral, turns {pattern.turn_pitch:g} baselines apart"
     text = f"{kind} grid of {pattern.rows} x {pattern.columns}"

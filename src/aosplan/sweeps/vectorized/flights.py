@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from aosplan.flight.kinematics import path_of, stop_to_stop_s
-from aosplan.grid.patterns import MOST_SITES, Sites, pattern_for
+from aosplan.grid.patterns import MOST_SITES, AnyPattern, pattern_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class _Grid(NamedTuple):
-    pattern: Sites
+    pattern: AnyPattern
     legs: tuple[tuple[float, int], ...]
 
 
@@ -66,7 +66,7 @@ def smallest_grids(wanted: Any, grid: Any) -> GridColumns:
     ]
     shape = np.broadcast_shapes(grid.shape, wanted.shape)
 
-    def column(function: Callable[[Sites], float], dtype: Any) -> NDArray[Any]:
+    def column(function: Callable[[AnyPattern], float], dtype: Any) -> NDArray[Any]:
         table = np.array([function(each.pattern) for each in found], dtype=dtype)
         return np.asarray(table[places]).reshape(shape)
 
