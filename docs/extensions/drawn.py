@@ -8,8 +8,9 @@
     ```
 
 When the first picture of a page is needed, all blocks of the page run from top to bottom.  A
-picture can therefore use files that earlier blocks have written.  The repository does not contain
-the pictures.  With ``:language: python``, the content is Python code that saves the picture.  With
+picture can therefore use files that earlier blocks have written.  If the output of a block differs
+from the one on the page, the build reports an error.  The repository does not contain the pictures.
+With ``:language: python``, the content is Python code that saves the picture.  With
 ``:alt: described``, the description is the text that the command prints, as `aosplan plot` does,
 and the figure is drawn a second time for dark pages.  If the output is an ``.html`` file, the page
 has a link to this file.
@@ -23,7 +24,7 @@ from docutils.parsers.rst import directives
 from sphinx import addnodes
 from sphinx.util.docutils import SphinxDirective
 
-from .examples import Failed, command_lines, follow, inside, run_line
+from .examples import Failed, command_lines, follow, inside, run_line, same
 
 
 class Drawn(SphinxDirective):
@@ -68,6 +69,9 @@ class Drawn(SphinxDirective):
             _empty(folder)
             page = Path(self.env.doc2path(self.env.docname)).read_text("utf-8")
             found = follow(page, folder)
+            for block, text in found:
+                if block.kind == "text" and not same(block.body, text):
+                    raise Failed(f"the page shows\n{block.body}where this is printed\n{text}")
             self.env.temp_data["drawn"] = {
                 block.argument: text for block, text in found if block.kind == "drawn"
             }

@@ -26,8 +26,17 @@ def text_of(*names):
     return "\n".join((DOCS / name).read_text(encoding="utf-8") for name in names)
 
 
+def is_drawn(page):
+    """Whether a page has pictures, so that the build of the documentation runs its examples."""
+    return "```{drawn}" in page.read_text(encoding="utf-8")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(DOCS)))
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=[pytest.mark.drawn] if is_drawn(page) else []) for page in PAGES],
+    ids=lambda path: str(path.relative_to(DOCS)),
+)
 def test_the_examples_of_a_page_print_what_it_shows(page, tmp_path):
     for block, printed in examples.follow(page.read_text(encoding="utf-8"), tmp_path):
         if block.kind == "text":

@@ -190,7 +190,7 @@ def _real_beams():
 def test_the_voxel_hardly_matters_on_the_real_cloud():
     """Values of two implementations: p at nadir 0.62 to 0.63, p̄ 0.65, V 0.52, V̂ 0.76."""
     found = []
-    for voxel_m in (0.15, 0.25, 0.35, 0.5):
+    for voxel_m in (0.15, 0.5):
         volume = read_voxels(UAS, opacity="auto", min_height_m=0.5, voxel_m=voxel_m)
         assert volume.opacity.source == "pulses"
         model = MeasuredModel(volume, 50.0)
