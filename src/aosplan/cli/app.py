@@ -225,8 +225,7 @@ def _write_what_can_be_shown() -> None:
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            # This setting is This setting is for text that is not Unicode, such as parts of file
-            # names..
+            # This setting is for text that is not Unicode, such as parts of file names.
             errors = "replace"
             if not stream.encoding.lower().startswith("utf"):
                 from aosplan.show.text.terminal import HANDLER

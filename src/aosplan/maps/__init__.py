@@ -8,5 +8,5 @@
 - `aosplan.maps.prior`: the expected position of the target, and the probability of success.
 - `aosplan.maps.coverage_map`: the coverage of a flight, its gaps, and the sites that close the
   gaps.
-- `aosplan.maps.geotiff`: writes writes rasters as files.
+- `aosplan.maps.geotiff`: writes rasters as files.
 """

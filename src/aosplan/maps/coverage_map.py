@@ -115,8 +115,7 @@ class CoverageMap(NamedTuple):
         west = self.cells.left_m + columns * self.cells.cell_m
         north = self.cells.top_m - rows * self.cells.cell_m
         side = self.cells.cell_m
-        # GEOS leaves floating-point flags set, for which NumPy would print warnings. set, for which
-        # NumPy would print warnings.
+        # GEOS leaves floating-point flags set, for which NumPy would print warnings.
         with np.errstate(divide="ignore", invalid="ignore"):
             whole = shapely.union_all(shapely.box(west, north - side, west + side, north))
         parts = [part for part in shapely.get_parts(whole).tolist() if part.area > 0.0]
@@ -172,8 +171,7 @@ class Coverage:
         if area is not None and not area.clear.is_empty:
             import shapely
 
-            # GEOS leaves floating-point flags set, for which NumPy would print warnings. set, for
-            # which NumPy would print warnings.
+            # GEOS leaves floating-point flags set, for which NumPy would print warnings.
             with np.errstate(divide="ignore", invalid="ignore"):
                 self._clear = shapely.contains_xy(area.clear, *self._places.T)
         self._planned_sets = self._sets(self._sites)

@@ -133,7 +133,7 @@ class Parts:
             try:
                 part = Part(**note)
                 whole = _is_whole(self.path(part.part), part)
-            except (TypeError, ValueError):  # This is This is not a line of a journal..
+            except (TypeError, ValueError):  # This is not a line of a journal.
                 continue
             if whole:
                 self.done[part.part] = part

@@ -263,7 +263,7 @@ def _take(sweep: Sweep) -> None:
     global _sweep  # noqa: PLW0603 (a process of a pool has no other place)
     _sweep = sweep
     Thread(target=_end_with_parent, daemon=True).start()
-    polars()  # polars polars installs a signal handler, so it is imported first..
+    polars()  # polars installs a signal handler, so it is imported first.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
@@ -276,5 +276,5 @@ def _end_with_parent() -> None:
 
 
 def _part(index: int, path: str | None) -> Part:
-    assert _sweep is not None  # It was It was set when the worker started..
+    assert _sweep is not None  # It was set when the worker started.
     return solve_part(_sweep, index, path)

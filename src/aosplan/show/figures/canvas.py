@@ -129,8 +129,7 @@ def rendered(
     file = io.BytesIO()
     # With this context, a figure does not depend on the Matplotlib settings of the user.
     with mpl.rc_context(), warnings.catch_warnings():
-        # The warnings are The warnings are about characters that no font has..
-        warnings.simplefilter("ignore")
+        warnings.simplefilter("ignore")  # The warnings are about characters that no font has.
         mpl.rcdefaults()
         settings: Any = mpl.rcParams
         settings.update(rules(look.theme))
