@@ -1,4 +1,6 @@
-"""Shared fixtures: helpers on the path, no deadlines, an empty folder, commands, a browser."""
+"""Fixtures and settings for all tests: helpers on the path, no deadlines, an empty folder,
+commands, and a browser.
+"""
 
 import gc
 import json
@@ -11,24 +13,25 @@ import pytest
 import tomli_w
 from hypothesis import settings
 
-# Tests import `reference` and `support` by name, wherever pytest is started.
+# Tests import `reference` and `support` by name, from any folder in which pytest is started.
 sys.path.insert(0, str(Path(__file__).parent))
 
 # Tests use neither the cache nor the defaults of the user.
 os.environ["AOSPLAN_CACHE"] = "0"
 os.environ["AOSPLAN_DEFAULTS"] = "none"
 
-# Tests have no time limits, because benchmarks measure time.  In CI the examples are the same in
-# every run; elsewhere they are new.
+# Tests have no time limits, because benchmarks measure time.  In CI, the examples of Hypothesis are
+# the same in every run. Elsewhere, every run has new examples.
 settings.register_profile(
     "aosplan",
     parent=settings.get_profile("default"),
     deadline=None,
-    # Other runs draw other examples, so many short runs replace a long one.
+    # Every run has other examples, so that many short runs replace a long run.
     max_examples=25,
     derandomize=bool(os.environ.get("CI")),
 )
-# For other versions of dependencies; the numbers have been tested with many examples before.
+# This profile is for tests with other versions of dependencies. The numbers have been tested with
+# many examples before.
 settings.register_profile("few", parent=settings.get_profile("aosplan"), max_examples=5)
 settings.load_profile("aosplan")
 
@@ -37,8 +40,8 @@ settings.load_profile("aosplan")
 def pytest_runtest_makereport():
     """Report a failure without garbage collection.
 
-    Collected objects may print a traceback of their own (such as a forgotten asyncio task).
-    CPython 3.11 then raises a SystemError while it parses the source of the failed test.
+    Objects that are collected may print their own traceback, such as an asyncio task that was not
+    awaited.  CPython 3.11 then raises a SystemError while it parses the source of the failed test.
     """
     gc.disable()
     try:
@@ -94,7 +97,7 @@ def campaign(tmp_path):
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    """Make blocks so small that sweeps have several."""
+    """Make blocks so small that sweeps have several blocks."""
     from aosplan.sweeps import scenarios
 
     monkeypatch.setattr(scenarios, "ROWS_A_BLOCK", 30)
@@ -113,7 +116,8 @@ def written(request, tmp_path):
     return write
 
 
-# For a whole module, because Playwright's thread has an event loop that other tests would find.
+# The browser is used for a whole module, because other tests would find the event loop of
+# Playwright's thread.
 @pytest.fixture(scope="module")
 def chromium():
     """A headless Chromium that Playwright drives."""

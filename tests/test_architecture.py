@@ -1,4 +1,4 @@
-"""Rules of imports, of the public names, and of the form of source files."""
+"""Rules about imports, public names, and the form of source files."""
 
 import ast
 import re
@@ -27,7 +27,9 @@ CHAPTERS = (
     ("show",),
     ("cli", "api"),
 )
-"""A chapter may import from the lines above its own, not from its own line or from below."""
+"""Chapters, line by line.  A chapter may import from chapters in the lines above its line, but not
+from chapters in its own line or in lines below.
+"""
 
 ROOT = (
     "crs",
@@ -44,7 +46,9 @@ ROOT = (
 """Modules directly below ``aosplan``.  All chapters may import them, and they import no chapter."""
 
 FACES = ("aosplan", "aosplan.__main__")
-"""The public names and the program's entry, which are not part of the order."""
+"""The modules with the public names and with the entry of the program.  They are not part of the
+order.
+"""
 
 
 def module_name(path):
@@ -62,7 +66,9 @@ MODULES = {module_name(path): path for path in FILES}
 
 @cache
 def imports_of(path):
-    """Modules that a file imports, also in functions and for types, with their lines."""
+    """Modules that a file imports, with the numbers of the lines.  Imports in functions and for
+    type checkers are included.
+    """
     found = []
     for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
@@ -82,7 +88,7 @@ def chapter_of(module):
 
 
 def inner_imports():
-    """Every import of one module of the project by another."""
+    """Every import of one module of the project by another module."""
     for module, path in MODULES.items():
         if module not in FACES:
             for imported, line in imports_of(path):
@@ -227,7 +233,7 @@ def test_the_package_says_that_it_is_typed():
 # Source files
 
 TABLES = ("camera/presets.py", "flight/drones.py", "planning/options.py", "scenes/presets.py")
-"""Tables of data, whose length has no limit."""
+"""Files with tables of data.  Their length is not limited."""
 
 
 def test_no_file_is_longer_than_500_lines():
@@ -255,7 +261,9 @@ def public_definitions(path):
 
 
 def private_names_taken(path):
-    """Private names of other modules that a file imports, uses or replaces, with their lines."""
+    """Private names of other modules that a file imports, uses or replaces, with the numbers of the
+    lines.
+    """
     if not re.search(r"(?<!\w)_[A-Za-z]", path.read_text(encoding="utf-8")):
         return
     tree, modules = tree_of(path), set()
@@ -303,7 +311,7 @@ def defined_in(module):
 
 
 def names_missed(path):
-    """Names that a script takes from modules of the project but that do not exist there."""
+    """Names that a script uses from modules of the project, although they do not exist there."""
     tree, modules = tree_of(path), {}
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("aosplan"):
@@ -328,7 +336,7 @@ def names_missed(path):
 
 @pytest.mark.parametrize("folder", ["benchmarks", "docs", "examples"])
 def test_scripts_take_names_that_exist(folder):
-    # Most scripts take too long for tests, so only their names are checked.
+    # Most scripts take too long for tests. Therefore only the names that they use are checked.
     scripts = sorted((Path(__file__).parents[1] / folder).rglob("*.py"))
     missed = [f"{path.name}:{line} {name}" for path in scripts for name, line in names_missed(path)]
     assert len(scripts) > 5

@@ -1,7 +1,7 @@
 """Files are written completely or not at all.
 
-The tests may run as root, for whom permissions have no effect, so failures of the machine are
-simulated.  Nothing outside `tmp_path` is written.
+Failures of the machine are simulated, because the tests may run as root, for whom permissions have
+no effect.  Nothing outside `tmp_path` is written.
 """
 
 import errno
@@ -214,7 +214,7 @@ def test_names_are_given_to_all_files_or_to_none(folder, monkeypatch, name, on, 
         write_all({"a.csv": b"new", "b.csv": b"new"}, force=bool(existing))
     except SurroundingsError:
         assert content_of(folder) == before
-    else:  # there were fewer calls, or the program continued without it
+    else:  # There were fewer calls, or the program continued without the file.
         assert content_of(folder) == {"a.csv": b"new", "b.csv": b"new"}
 
 

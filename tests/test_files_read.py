@@ -1,4 +1,4 @@
-"""Files are read within limits, and errors in them give a message of one line."""
+"""Files are read within limits, and errors in files give a message of one line."""
 
 import errno
 import io
@@ -96,7 +96,7 @@ def test_json_on_stdin_is_known_by_its_first_character(monkeypatch):
 
 def test_a_file_larger_than_the_limit_is_refused(folder):
     with open("big.toml", "wb") as file:
-        file.truncate(100 * 2**20)  # sparse, so it needs no disk space
+        file.truncate(100 * 2**20)  # The file is sparse, so that it needs no disk space.
     with pytest.raises(RequestError) as caught:
         read_table("big.toml")
     assert caught.value.message == "'big.toml' is larger than 64 MB"
@@ -231,8 +231,8 @@ def test_bombs_of_brackets_are_refused(folder, name, text):
     ids=["json", "toml key", "toml header"],
 )
 def test_tables_nested_deeper_than_any_document_are_refused(folder, name, text):
-    # A dotted key with tens of thousands of names would need gigabytes, so its depth is limited
-    # first.
+    # A dotted key with tens of thousands of names would need gigabytes. Its depth is therefore
+    # limited before parsing.
     (folder / name).write_text(text)
     with pytest.raises(RequestError, match="nested too deeply"):
         read_table(name)

@@ -1,8 +1,8 @@
-"""Metres in the plan are metres on the ellipsoid, anywhere on earth.
+"""Metres in the plan are metres on the ellipsoid, at any place on earth.
 
-`pyproj.Geod.inv` is the reference.  Because the code under test uses the same library for the
-forward problem, there are two references that share no code with it: PROJ's azimuthal equidistant
-projection, and chords between earth-centred coordinates, which are computed here.
+`pyproj.Geod.inv` is the reference.  The tested code uses the same library for the forward problem.
+Therefore, there are two further references that share no code with it: PROJ's azimuthal equidistant
+projection, and chords between earth-centred coordinates, which this file computes.
 """
 
 import math
@@ -42,7 +42,9 @@ PLACES = {
 
 
 def chord_m(start, stop):
-    """Straight distance between two places on the ellipsoid, in earth-centred coordinates."""
+    """Length of the straight line between two places on the ellipsoid, from earth-centred
+    coordinates.
+    """
 
     def earth_centred(place):
         latitude, longitude = (math.radians(angle) for angle in place)
@@ -125,7 +127,8 @@ def test_the_frame_is_the_azimuthal_equidistant_projection(place):
     north = [0.0, 0.0, 1.5, -300.0, 900.0, -1400.0]
     latitudes, longitudes = to_wgs84(place, east, north)
     x, y = project.transform(longitudes, latitudes)
-    if abs(place[0]) == 90.0:  # at a pole every direction is south, so only distances are defined
+    # At a pole, every direction is south, so that only distances are defined.
+    if abs(place[0]) == 90.0:
         x, y = [math.hypot(*pair) for pair in zip(x, y, strict=True)], None
         east = [math.hypot(*pair) for pair in zip(east, north, strict=True)]
     assert list(x) == pytest.approx(east, rel=0, abs=1e-6)
@@ -138,8 +141,8 @@ def test_the_frame_is_the_azimuthal_equidistant_projection(place):
     "place", [p for p in PLACES.values() if abs(p[0]) < 89.0], ids=lambda p: f"{p[0]},{p[1]}"
 )
 def test_lines_fly_along_the_heading(place, heading):
-    # East of the origin the azimuth of a line changes with the convergence of the meridians: at a
-    # distance of 10 m and 78 degrees north by 0.0004 degrees.
+    # East of the origin, the azimuth of a line changes because meridians converge. At 78 degrees
+    # north and a distance of 10 m, the change is 0.0004 degrees.
     sites = grid_at(place, 49, 2.8, heading)
     for row in range(7):
         along = azimuth_deg(sites[row, 0], sites[row, 6])
@@ -229,7 +232,8 @@ offsets = st.floats(-1000.0, 1000.0)
 @example(latitude=-90.0, longitude=180.0, one=(0.0, -1000.0), other=(1000.0, 0.0))
 @example(latitude=0.0, longitude=180.0, one=(-1000.0, 1000.0), other=(1000.0, -1000.0))
 def test_any_two_points_are_as_far_apart_as_on_the_plan(latitude, longitude, one, other):
-    # The frame stretches distances across by r²/(6 R²): 0.02 mm for 2.8 km at a radius of 1.4 km.
+    # The frame stretches distances that are perpendicular to the direction to the origin by r²/(6
+    # R²). For 2.8 km at a radius of 1.4 km, this is 0.02 mm.
     latitudes, longitudes = to_wgs84((latitude, longitude), [one[0], other[0]], [one[1], other[1]])
     start, stop = zip(latitudes, longitudes, strict=True)
     planned = math.dist(one, other)

@@ -1,4 +1,4 @@
-"""The modules that each command loads, in new interpreters."""
+"""Tests of the modules that each command loads in a new interpreter."""
 
 import json
 import subprocess
@@ -23,12 +23,12 @@ for line in sys.stdin:
     if status:
         print(json.dumps(f"status {status}"), file=sys.stderr, flush=True)
 """
-"""A new interpreter that reads lines of code and runs each in a fork of itself."""
+"""Program of an interpreter that reads lines of code and executes each line in a fork of itself."""
 
 
 @pytest.fixture(scope="module")
 def loaded():
-    """A function that returns the modules that a new interpreter loads to run some code."""
+    """A function that returns the modules that a new interpreter loads to execute some code."""
     process = subprocess.Popen(
         [sys.executable, "-c", SERVER],
         stdin=subprocess.PIPE,
@@ -158,8 +158,7 @@ def test_small_missions_are_written_without_numpy(tmp_path, packages):
     for name in sorted(set(formats()) - set(asking)):
         line += ["--out", f"{name}:{tmp_path / name}"]
     lines = [line] + [
-        # With a narrow camera the footprint would limit the plan, which is then computed with
-        # NumPy.
+        # With a narrow camera, the footprint would limit the plan, and NumPy would be needed.
         [*line[:6], "--vhat", "0.9", "--drone", drone, "--out", f"{name}:{tmp_path / name}"]
         for name, drone in asking.items()
     ]

@@ -1,4 +1,6 @@
-"""The oldest versions are the same in the package, in the tests that use them, and in the recipe."""
+"""The oldest versions of dependencies are the same in the package, in the tests that use them, and
+in the recipe.
+"""
 
 import re
 import tomllib
@@ -9,7 +11,7 @@ REQUIREMENT = re.compile(r"([A-Za-z][\w-]*)(?:\[\w+\])?\s*[>=]=\s*([\d.]+)")
 
 
 def floors(text):
-    """Versions by name; trailing zeros do not matter."""
+    """Versions by name, without trailing zeros."""
     return {
         name.lower(): re.sub(r"(\.0)+$", "", version) for name, version in REQUIREMENT.findall(text)
     }

@@ -22,7 +22,7 @@ def blocks(kind):
 
 @pytest.fixture
 def distribution(tmp_path, monkeypatch):
-    """The distribution of the how-to page, installed on the path."""
+    """The distribution of the how-to page, installed on Python's path."""
     folder = tmp_path / "site"
     (folder / "team_aos").mkdir(parents=True)
     init, site_list = blocks("py")

@@ -1,4 +1,4 @@
-"""Parsers of all values that a user writes: correct values, or one clear line."""
+"""Parsers of all values that a user gives: they return correct values, or raise one clear error."""
 
 import math
 import string
@@ -32,7 +32,7 @@ def refusal(parse, value, *arguments):
 
 
 def outcome(parse, *arguments):
-    """The result, or an error of aosplan; any other exception is raised."""
+    """The result, or an error of aosplan.  Any other exception is raised."""
     try:
         return parse(*arguments)
     except RequestError as error:
@@ -91,7 +91,7 @@ def test_what_is_not_a_number_is_refused(text):
         ("100in", "m", 2.54),
         ("18km/h", "m/s", 5.0),
         ("10mph", "m/s", 4.4704),
-        ("3600kn", "m/s", 1852.0),  # a nautical mile an hour
+        ("3600kn", "m/s", 1852.0),  # a nautical mile per hour
         ("2min", "s", 120.0),
     ],
 )

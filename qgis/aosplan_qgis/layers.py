@@ -17,7 +17,7 @@ WGS84 = QgsCoordinateReferenceSystem("EPSG:4326")
 
 
 def fields(**kinds):
-    """Return fields with the given names; each kind is int or float."""
+    """Return fields with the given names.  Each kind is int or float."""
     made = QgsFields()
     for name, kind in kinds.items():
         made.append(QgsField(name, QVariant.Int if kind is int else QVariant.Double))
@@ -38,7 +38,7 @@ def flights(document):
 
 
 def _photos(document):
-    """Return (flight number, waypoint) of each photo; there are none at run-ins and run-outs."""
+    """Return (flight number, waypoint) of each photo.  Run-ins and run-outs have no photos."""
     for number, waypoints, _ in flights(document):
         for waypoint in waypoints:
             if waypoint.get("photo", True):
@@ -78,7 +78,9 @@ def footprint_features(document):
 
 
 def _corners(along, across):
-    """Return the corners of a rectangle around (0, 0); along is north, across is east."""
+    """Return the corners of a rectangle around (0, 0).  `along` is to the north, and `across` is to
+    the east.
+    """
     signs = ((-1, -1), (-1, 1), (1, 1), (1, -1), (-1, -1))
     return [QgsPointXY(x * across / 2, y * along / 2) for x, y in signs]
 

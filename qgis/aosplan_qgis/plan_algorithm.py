@@ -221,7 +221,7 @@ class PlanAlgorithm(QgsProcessingAlgorithm):
 
 
 def _area_file(source, path):
-    """Write the polygons of a layer, or its selected ones, as GeoJSON in WGS 84."""
+    """Write the polygons of a layer, or only the selected polygons, as GeoJSON in WGS 84."""
     to_wgs84 = QgsCoordinateTransform(source.sourceCrs(), layers.WGS84, QgsProject.instance())
     shapes = []
     for feature in source.getFeatures():
@@ -236,7 +236,7 @@ def _area_file(source, path):
 
 
 def _report(feedback, line):
-    """Pass a line of the program on to the log, warnings as warnings."""
+    """Write a line of the program's output to the log.  Warnings are written as warnings."""
     if line.startswith("warning:"):
         feedback.pushWarning(line.removeprefix("warning:").strip())
     else:

@@ -9,7 +9,7 @@ import sys
 import threading
 from pathlib import Path
 
-#: Variables that QGIS sets for its own Python and that would break another one.
+#: Variables that QGIS sets for its own Python. They would break another Python interpreter.
 _OF_QGIS = ("PYTHONHOME", "PYTHONPATH", "PYTHONEXECUTABLE", "VIRTUAL_ENV")
 
 
@@ -18,7 +18,8 @@ class ProgramError(Exception):
 
 
 def find_program(given=""):
-    """Return the path of the program: the one given, or the first on PATH or in usual folders.
+    """Return the path of the program: the given path, or the first program on PATH or in the usual
+    folders.
 
     Raises ProgramError if there is none.
     """
@@ -43,8 +44,8 @@ def run_json(program, arguments, on_line=None, is_cancelled=None):
     """Run ``aosplan ARGUMENTS --json`` and return the document.
 
     ``on_line`` is called with each line of the standard error (warnings, hints, progress).
-    ``is_cancelled`` is asked several times a second; if it returns true, the program is ended.
-    Raises ProgramError with the program's own error text.
+    ``is_cancelled`` is called several times per second.  If it returns true, the program is
+    terminated.  Raises ProgramError with the program's own error text.
     """
     environment = {name: value for name, value in os.environ.items() if name not in _OF_QGIS}
     environment["PYTHONUTF8"] = "1"
@@ -67,7 +68,8 @@ def run_json(program, arguments, on_line=None, is_cancelled=None):
 def _read(process, on_line, is_cancelled):
     """Return the standard output and the lines of the standard error of a process, until its end.
 
-    Threads read both pipes, so that neither fills up and cancelling does not wait for data.
+    Threads read both pipes, so that neither pipe becomes full and cancelling does not wait for
+    data.
     """
     lines, output = queue.Queue(), []
     readers = [
@@ -94,7 +96,9 @@ def _read(process, on_line, is_cancelled):
 
 
 def names(command):
-    """Return the names of ``aosplan drones``, ``cameras`` or ``scenes``; none without a program."""
+    """Return the names that ``aosplan drones``, ``cameras`` or ``scenes`` lists.  Without a
+    program, the list is empty.
+    """
     try:
         return [row["name"] for row in run_json(find_program(), [command])]
     except (ProgramError, OSError, ValueError):

@@ -1,4 +1,6 @@
-"""The functions of `aosplan`: their arguments, and results that equal those of the commands."""
+"""The functions of `aosplan`: tests of their arguments, and comparison of their results with those
+of the commands.
+"""
 
 import inspect
 import json
@@ -87,7 +89,7 @@ def test_results_print_in_a_few_lines_and_as_html(placed, tmp_path):
         html = found._repr_html_()
         assert html.startswith("<table>")
         assert escape(lines[0]) in html
-        with pytest.raises(AttributeError):  # the class is frozen
+        with pytest.raises(AttributeError):  # The class is frozen, so that this raises an error.
             found.plan = None
     assert repr(placed.waypoints).startswith("<10 waypoints: east_m, north_m")
 

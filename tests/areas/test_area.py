@@ -1,4 +1,4 @@
-"""Areas in metres: correct sizes anywhere on earth, safe simplification, clear errors."""
+"""Areas in metres: tests of sizes at any place on earth, of simplification, and of errors."""
 
 import json
 import math
@@ -35,7 +35,7 @@ def rectangle(west, south, east, north):
 
 
 def around(latitude, longitude, sides=8, radius_m=500.0):
-    """A regular polygon around a place, from geodesics, not cut at the antimeridian."""
+    """A regular polygon around a place, made of geodesics.  It is not cut at the antimeridian."""
     azimuths = np.arange(sides) * 360.0 / sides
     lon, lat, _ = GEOD.fwd([longitude] * sides, [latitude] * sides, azimuths, [radius_m] * sides)
     ring = [[round(x, 12), round(y, 12)] for x, y in zip(lon, lat, strict=True)]
@@ -58,7 +58,8 @@ PLACES = [
 def test_sizes_are_those_on_the_ellipsoid(file, place):
     ring = around(*place)
     area = read_area(file([ring]))
-    # The reference has geodesic edges; here they are straight in degrees, which is 5 mm off at 78°.
+    # The edges of the reference are geodesics, but those of the area are straight in degrees. At
+    # 78°, they differ by 5 mm.
     expected = abs(GEOD.polygon_area_perimeter(*zip(*ring, strict=True))[0])
     assert area.whole.area == pytest.approx(expected, rel=1e-4)
     assert area.radius_m == pytest.approx(500.0, abs=0.05)
@@ -113,7 +114,8 @@ def test_to_local_inverts_to_wgs84(latitude, longitude, east, north):
 
 
 def test_the_local_frame_is_off_by_no_more_than_it_says(file):
-    # The error is largest at the rim, for neighbours across the direction to the centre.
+    # The error is largest at the rim, for two neighbours whose connection is perpendicular to the
+    # direction to the centre.
     area = read_area(file([around(48.3, 14.3, sides=32, radius_m=19_900.0)]))
     assert 1e-6 < area.projection_error < 1.7e-6
     north = [19_900.0] * 2
@@ -166,7 +168,7 @@ def test_a_spike_and_rings_that_touch_are_no_fault(file):
     spike = [[0, 0], [0.01, 0], [0.01, 0.01], [0.005, 0.01], [0.005, 0.02], [0.005, 0.01], [0, 0.01], [0, 0]]  # fmt: skip
     plain = read_area(file([rectangle(0, 0, 0.01, 0.01)])).whole.area
     assert read_area(file([spike])).whole.area == pytest.approx(plain, rel=1e-9)
-    # A corner of the hole is on an edge of the shell, but the rounded numbers of both differ.
+    # A corner of the hole is on an edge of the outer ring, except for differences by rounding.
     third = [[0, 0], [0.01, 0.007], [0.003, 0.02], [0, 0]]
     hole = [[0.01 / 3, 0.007 / 3], [0.004, 0.006], [0.003, 0.006], [0.01 / 3, 0.007 / 3]]
     assert read_area(file([third, hole])).whole.area < read_area(file([third])).whole.area
@@ -234,7 +236,7 @@ def test_zones_with_swapped_axes_are_an_error(file):
 
 
 def coast(vertices, roughness_m=5.0):
-    """A ring of many vertices around 48.3, 14.3, like a survey of a shore."""
+    """A ring of many vertices around 48.3, 14.3, similar to the outline of a shore."""
     rng = np.random.default_rng(7)
     angle = np.arange(vertices) / vertices * 2 * np.pi
     radius = 800 + 100 * np.sin(7 * angle) + rng.uniform(0, roughness_m, vertices)
@@ -262,14 +264,14 @@ def test_many_vertices_are_simplified_on_the_safe_side(file, monkeypatch):
     assert shapely.get_num_coordinates(simple.whole) <= 20_000
     assert 0.0 < simple.simplified_m <= 1.0
     assert exact.simplified_m == 0.0
-    # What has to be covered or avoided grows, by no more than the stated distance.
+    # The parts that have to be covered or avoided become larger, by at most the reported distance.
     for mine, true in ((simple.whole, exact.whole), (simple.keep_out, exact.keep_out)):
         assert shapely.difference(true, mine).area < 1e-6
         edges = shapely.STRtree(shapely.get_parts(split(true)))
         corners = shapely.points(shapely.get_coordinates(mine))
         _, apart = edges.query_nearest(corners, return_distance=True, all_matches=False)
         assert apart.max() <= simple.simplified_m
-    # The clear part, which needs fewer views, shrinks.
+    # The clear part, which needs fewer views, becomes smaller.
     clear = read_area(path, clear=path).clear
     assert shapely.difference(clear, exact.clear).area < 1e-6
 

@@ -1,4 +1,6 @@
-"""One area in all formats, reference systems and variants of other programs gives one outline."""
+"""The same area in all formats, reference systems and variants of other programs gives the same
+outline.
+"""
 
 import io
 import json
@@ -116,7 +118,7 @@ def test_a_transformation_is_said_with_its_accuracy(written):
 
 
 class Silent:
-    """A transformer as PROJ 9.8 describes it: without the accuracy of its steps."""
+    """A transformer without the accuracy of its steps, as PROJ 9.8 returns it."""
 
     accuracy = -1.0
 
@@ -163,7 +165,7 @@ def test_slivers_beside_an_area_are_left_out_and_said(written):
     assert [code for code, _ in area.notices] == ["slivers"]
     alone = read_area(written(polygon()))
     assert area.whole.area == pytest.approx(alone.whole.area, rel=1e-3)
-    # without other parts a sliver is kept
+    # If there are no other parts, a sliver is kept.
     assert not read_area(written(polygon(sliver))).whole.is_empty
 
 

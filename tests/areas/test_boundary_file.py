@@ -1,4 +1,4 @@
-"""Outlines from files: supported content is read, and everything else is one clear error."""
+"""Outlines from files: supported content is read, and all other content gives one clear error."""
 
 import io
 import json
@@ -134,7 +134,7 @@ def test_coordinates_come_through_geojson_and_kml_to_the_last_bit(tmp_path_facto
         assert np.array_equal(read_outline(str(path)).polygons[0][0], ring)
 
 
-# Everything else is one clear error
+# All other content gives one clear error
 
 
 def polygon_of(ring):

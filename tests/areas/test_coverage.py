@@ -31,7 +31,7 @@ def spans(numbers):
     return runs_of(np.array(sorted(numbers), np.int64))
 
 
-# Spans behave as sets
+# Cell runs behave as sets
 
 
 @given(whole_numbers)
@@ -85,7 +85,7 @@ def test_cells_entered_are_those_that_the_shape_meets(shape, x_pitch, y_pitch):
     boxes = lattice.boxes(CellRuns(every, every + 1))
     shapely.prepare(shape)
     for number, box in zip(every.tolist(), boxes, strict=True):
-        # If the shape touches the cell within a millionth of a pitch, both results are right.
+        # If the shape touches the cell within a millionth of a pitch, both results are accepted.
         if shapely.intersects(shape, shapely.buffer(box, -1e-6 * min(x_pitch, y_pitch))):
             assert number in found
         elif not shapely.intersects(shape, shapely.buffer(box, 1e-6 * min(x_pitch, y_pitch))):
@@ -120,7 +120,9 @@ def test_cells_beyond_numbers_are_refused():
 
 
 def count_in_rectangles(sites, points, size):
-    """Number of sites in the rectangle around each point, including its border: the rule itself."""
+    """Number of sites in the rectangle around each point, including its border.  This is the
+    definition of the coverage rule.
+    """
     apart = np.abs(sites[None, :, :] - points[:, None, :])
     return (apart <= np.array(size) / 2 * (1 + 1e-7)).all(axis=2).sum(axis=1)
 
@@ -151,7 +153,8 @@ def test_every_point_has_all_sites_in_its_rectangle(shape, kind, samples, baseli
     assert (counted >= pattern.samples).all()
     own = site_counts(sites.numbers(), placements.numbers(), window, lattice.stride)
     assert own.min() >= pattern.samples
-    # No site is superfluous: each is in the pattern of some cell that the area overlaps.
+    # No site is superfluous: each site is in the pattern of at least one cell that the area
+    # overlaps.
     assert len(set(sites.numbers().tolist())) == sites.size
     middles = lattice.middles(placements.numbers())
     wanted = {
@@ -184,7 +187,8 @@ def test_looks_are_what_counting_finds_after_sites_were_lost(shape, samples, bas
 
 
 def test_a_trimmed_pattern_is_seen_whole_from_its_own_cell():
-    # From every point exactly the sites of the pattern are seen, not just as many.
+    # From every point, exactly the sites of the pattern are seen, and not only the same number of
+    # sites.
     pattern = pattern_for("trimmed", 50)
     shape = shapely.multipolygons([shapely.Point(0, 0).buffer(9.0)])
     _, lattice, placements, sites, _ = planned(shape, pattern, (2.8, 2.8))
@@ -232,7 +236,7 @@ def test_few_sites_see_all_cells(places, image):
     sites = sites_seeing(wanted, image, stride)
     assert len(set(sites.tolist())) == len(sites)
     assert wanted.without(seen_cells(runs_of(sites), image, stride)).size == 0
-    # Each site was chosen for a cell that none of the earlier ones sees.
+    # Each site was chosen for a cell that no earlier site sees.
     assert len(sites) <= wanted.size
 
 

@@ -1,6 +1,6 @@
 """Plans over areas, from the file to the waypoints on earth.
 
-The checks here do not use lattices: they project waypoints and area with PROJ, and count.
+The checks do not use lattices.  They project waypoints and area with PROJ, and count sites.
 """
 
 import contextlib
@@ -23,7 +23,9 @@ from aosplan.errors import InfeasibleError, RequestError
 from aosplan.geodesy import to_wgs84
 
 PLACES = [(48.3, 14.3), (0.0, 0.0), (-16.5, 180.0), (52.0, -179.9999), (-89.0, 20.0)]
-"""Closer to a pole, lines that are straight in degrees are not straight in metres."""
+"""Places on earth.  They are not close to a pole, because lines that are straight in degrees are
+not straight in metres there.
+"""
 
 quick = settings(
     max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
@@ -52,7 +54,7 @@ def planned(path, **options):
 
 
 def opened(shape, radius_m=1e-6):
-    """A shape without spikes that are narrower than twice the radius; sharp corners are kept."""
+    """A shape without spikes that are narrower than twice the radius.  Sharp corners are kept."""
     corners = {"join_style": "mitre", "mitre_limit": 1000.0}
     inner = shapely.buffer(shape, -radius_m, **corners)
     return shapely.buffer(inner, radius_m, **corners)
@@ -84,7 +86,7 @@ class Judge:
         shape = shapely.transform(
             shape, lambda points: self.turned(*self.project.transform(points[:, 1], points[:, 0]))
         )
-        # After rounding, the sides of a spike may cross, or enclose nothing.
+        # After rounding, the sides of a spike may cross or enclose no area.
         return opened(shapely.make_valid(shape))
 
     def area(self, path):
@@ -97,7 +99,7 @@ class Judge:
         if not told:
             return whole
         left_out = float(re.search(r" and (\S+) m² together", *told)[1])
-        # The message has two digits, and repaired outlines may have specks of less than 1 mm².
+        # The message has two digits, and repaired outlines may have tiny parts of less than 1 mm².
         assert left_out == pytest.approx(size[sliver].sum(), rel=0.051, abs=1e-6)
         return shapely.multipolygons(parts[~sliver])
 
@@ -166,7 +168,8 @@ def test_lanes_and_lines_cover_too(file, grid, most):
     assert all(size <= image * (1 + 1e-9) for size, image in zip(rectangle, footprint, strict=True))
     assert (judge.seen(points, rectangle) >= plan.solution.pattern.samples).all()
     if grid == "line":
-        assert rectangle[1] == pytest.approx(footprint[1])  # lines are one image width apart
+        # The distance between lines is the width of an image.
+        assert rectangle[1] == pytest.approx(footprint[1])
         narrow = planned(path, grid=grid, heading=20, lane_pitch=2, **most)
         assert narrow.layout.survey.pitch_m[1] == pytest.approx(2 * narrow.layout.survey.pitch_m[0])
         assert narrow.layout.survey.sites > plan.layout.survey.sites
@@ -179,7 +182,7 @@ def test_ten_kilometres_are_covered_from_high_above(file):
     plan = planned(path, altitude=4000, baseline=250, samples=10)
     judge = Judge(plan)
     points = points_in(judge.shape(path), 300, np.random.default_rng(2))
-    # 5 km from the centre, distances have a relative error of 1e-7: half a millimetre.
+    # At 5 km from the centre, distances have a relative error of 1e-7, which is half a millimetre.
     assert (judge.seen(points, np.array(judge.rectangle()) + 2e-3) >= 10).all()
 
 
@@ -274,7 +277,7 @@ def test_clear_ground_takes_far_fewer_sites(file):
         for extra in ({}, {"clear": half}, {"clear": path})
     )
     assert dense / 2 < sparse < 0.56 * dense
-    # If the whole area is clear, the images just tile it.
+    # If the whole area is clear, the images cover it without overlap.
     footprint = planned(path).camera.footprint_m(40)
     assert open_ == math.prod(math.ceil(200 / size - 1e-3) for size in footprint)
 
@@ -304,14 +307,14 @@ def test_no_site_and_no_leg_is_in_a_zone_and_losses_are_told(
     path, no_fly = file(shape, place), file(zone, place, "zone.geojson")
     try:
         plan = planned(path, no_fly=no_fly, buffer=buffer, heading=25)
-    except InfeasibleError:  # no site remains
+    except InfeasibleError:  # No site remains.
         return
     judge = Judge(plan)
     walls = judge.shape(no_fly)
     way = shapely.LineString(judge.way) if len(judge.way) > 1 else shapely.Point(judge.way[0])
     assert shapely.distance(way, walls) >= buffer + 0.03
     judge.check_order()
-    # The share of points with too few views is the share in the plan.
+    # The share of points with too few views has to equal the share that the plan reports.
     rng = np.random.default_rng(seed)
     whole = judge.area(path)
     low, high = np.array(whole.bounds[:2]), np.array(whole.bounds[2:])
@@ -328,7 +331,7 @@ def test_no_site_and_no_leg_is_in_a_zone_and_losses_are_told(
     for warning in plan.warnings:
         if warning.code == "coverage_lost":
             whole = re.search(r" of ([\d,.]+) m² ", warning.message)
-            assert whole is not None  # written without an exponent
+            assert whole is not None  # The number is written without an exponent.
             assert float(whole[1].replace(",", "")) == pytest.approx(
                 plan.layout.survey.area_m2, abs=0.5
             )
@@ -438,7 +441,7 @@ def test_the_number_in_the_refusal_is_enough(file):
 
 def test_images_too_small_for_the_grid_are_an_error_with_a_remedy(file):
     path = file(shapely.box(-60, -60, 60, 60))
-    # Every point needs to be in all its images, even if single grids need no common ground.
+    # Every point has to be in all its images, even if single grids do not need common ground.
     options = {"vhat": 0.98, "camera": "dji-h20t-thermal", "allow_no_common_ground": True}
     with pytest.raises(InfeasibleError, match="too small for an area") as caught:
         planned(path, **options, baseline=2.8)
@@ -460,7 +463,8 @@ def test_the_best_grid_is_one_that_the_images_take(file, vhat, optimize):
         with contextlib.suppress(InfeasibleError):
             taken.append(planned(path, grid=grid, **options))
     assert taken
-    best = planned(path, grid="best", **options)  # was once refused because of the chosen line
+    # This request was once refused because a line was chosen.
+    best = planned(path, grid="best", **options)
     assert best.layout.survey.covered_share == 1.0
     assert best.solution.pattern.samples <= max(one.solution.pattern.samples for one in taken)
 

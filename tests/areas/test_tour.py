@@ -1,4 +1,6 @@
-"""Order of sites and detours around zones: all sites once, no zone entered, valid bounds."""
+"""Order of sites and detours around zones: all sites are visited once, no zone is entered, and
+bounds are valid.
+"""
 
 import heapq
 import itertools
@@ -111,7 +113,7 @@ def test_a_rectangle_is_flown_in_the_least_possible(shape):
 
 
 def test_lines_are_flown_along_the_axis_that_takes_less_time():
-    # The direction with fewer but longer steps between lines is faster.
+    # The direction with fewer, longer steps between lines is faster.
     wide, points = numbered(itertools.product(range(10), range(10)), (1.0, 4.0))
     assert flown(wide, points).axis == "along"
     tall, points = numbered(itertools.product(range(10), range(10)), (4.0, 1.0))
@@ -227,7 +229,7 @@ def test_the_way_around_is_the_shortest(seed):
     start, stop = np.array([-10.0, -2.0]), np.array([10.0, 3.0])
     own = NoFlyZones(zone).length_m(start, stop)
     found = around_on_a_raster(zone, start, stop)
-    # Paths on the raster are up to 1.4 % longer than straight ones, and have no margin.
+    # Paths on the raster are up to 1.4 % longer than straight paths, and do not keep a margin.
     assert found / 1.03 <= own <= found + 1.0
 
 

@@ -1,4 +1,4 @@
-"""Disparities and the baseline of the coverage rule, from occluders and a camera."""
+"""Disparities and the baseline of the coverage rule, compared with explicit sets of occluders."""
 
 import math
 from functools import partial
@@ -23,7 +23,9 @@ from aosplan.scenes.density import integrated_density
 from aosplan.scenes.presets import SCENES
 
 near = partial(pytest.approx, abs=0.0)
-"""Approximate equality by relative error only; plain `approx` also accepts 1e-12 absolute error."""
+"""Approximate equality by relative error only.  The default of `approx` also accepts an absolute
+error of 1e-12.
+"""
 
 SHARP = 1e9
 """A focal length [px] at which no occluder is smaller than a pixel."""
@@ -47,7 +49,9 @@ def stacks(draw, most=5):
 
 
 def needed_baseline(slab, height, altitude, focal_length):
-    """Baseline at which an occluder has d̂ = 1: o h/H, where o is at least a pixel at its distance."""
+    """Baseline at which an occluder has d̂ = 1.  It is o h/H, where o is at least the size of a
+    pixel at the occluder.
+    """
     size = np.maximum(slab.occluder_size_m, (altitude - height) / focal_length)
     return size * altitude / height
 
@@ -254,8 +258,8 @@ def test_below_a_pixel_the_disparity_has_to_reach_one_pixel():
 
 def test_a_gap_between_slabs_is_not_asked_to_be_covered():
     slabs = (Slab(1.0, 2.0, 0.2, 1.0), Slab(5.0, 10.0, 0.2, 1.0))
-    # The upper slab is covered from 0.2 · 50/5 on; any larger share needs the top of the lower
-    # slab.
+    # The upper slab is covered at baselines of at least 0.2 · 50/5. Any larger share needs the top
+    # of the lower slab.
     assert coverage_baseline(slabs, 50.0, SHARP, 0.5).baseline_m == near(2.0, rel=1e-12)
     just_more = coverage_baseline(slabs, 50.0, SHARP, 0.5 + 1e-9)
     assert just_more.baseline_m == near(5.0, rel=1e-8)

@@ -7,10 +7,11 @@ import pytest
 
 from aosplan.camera.presets import CAMERAS
 
-# Makers round fields of view to a degree, and state them for images before the correction of the
-# lens.  If the two differ by more than this, the preset says so.
+# Manufacturers round fields of view to a degree, and publish them for images before the correction
+# of the lens. If the difference to the preset is larger than this, the preset mentions it.
 FIELD_TOLERANCE = 0.02
-# Largest difference between calibrations of single cameras and the preset of their type.
+# This is the largest difference between the calibration of a single camera and the preset of its
+# type.
 CALIBRATION_TOLERANCE = 0.03
 
 
@@ -19,7 +20,7 @@ def field_deg(extent_mm, camera):
 
 
 def stated_fields(camera):
-    """Angles [deg] in the source, each with the extent of the sensor to which it belongs."""
+    """Angles [deg] in the source, each with the size of the sensor to which it belongs."""
     width, height = camera.sensor_width_mm, camera.sensor_height_mm
     for angle, axis in re.findall(r"([\d.]+)° (diagonal|horizontal)", camera.source):
         yield float(angle), width if axis == "horizontal" else hypot(width, height)

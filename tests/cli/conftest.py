@@ -1,7 +1,7 @@
 """Fixtures of the tests of the command line: an empty folder, and commands that run in it.
 
-Most tests run commands in this process.  A few start a real process, for pipes, encodings and
-terminals.  All output goes to `tmp_path`.
+Most tests run commands in the process of the tests.  A few tests of pipes, encodings and terminals
+start a real process.  All output goes to `tmp_path`.
 """
 
 import pytest

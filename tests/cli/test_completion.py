@@ -1,4 +1,4 @@
-"""Completion: the candidates in each place, and that real shells accept them."""
+"""Completion: tests of the candidates at each place, and of real shells that use them."""
 
 import os
 import pty
@@ -45,7 +45,7 @@ def test_every_option_of_a_command_is_offered_with_its_help(name):
 
 def test_options_that_were_given_are_not_offered_again():
     assert "--altitude" not in words("plan", "--altitude", "40", "--")
-    assert "--out" in words("plan", "--out", "a.csv", "--")  # repeatable
+    assert "--out" in words("plan", "--out", "a.csv", "--")  # this option can be repeated
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_presets_and_choices(line, known):
 
 @pytest.mark.parametrize("option", OPTIONS, ids=lambda option: option.name)
 def test_choices_are_those_that_the_option_takes(option):
-    """The candidates are those in the parser's refusal of a wrong value."""
+    """The candidates are the values in the parser's error message for a wrong value."""
     try:
         option.parse("\x01", "--x")
         refusal = ""
@@ -200,7 +200,7 @@ def script(shell, folder):
 
 
 def typed(command, lines, keys, wanted, seconds=10.0):
-    """Output of an interactive shell after some lines and keys, until the wanted text appears."""
+    """Output of an interactive shell after some lines and keys, until the expected text appears."""
     child, terminal = pty.fork()
     if child == 0:
         os.execvp(command[0], command)
@@ -292,7 +292,7 @@ def parsed():
 def test_the_grammar_of_powershell_accepts_its_script(parsed):
     script = SCRIPTS["powershell"]
     assert not parsed(script)
-    # The grammar notices what is wrong: a bracket or a quote that is not closed, a missing keyword.
+    # The grammar finds errors: a bracket or a quote that is not closed, and a missing keyword.
     for right, wrong in (("$null ", "$null) "), ("'powershell'", "'powershell"), ("try {", "{")):
         assert parsed(script.replace(right, wrong, 1)), wrong
 
@@ -363,7 +363,7 @@ def test_installing_writes_where_the_shell_looks(folder, command, monkeypatch, s
         ("XDG_CONFIG_HOME", "settings"),
     ):
         monkeypatch.setenv(name, str(folder / place))
-    for _ in range(2):  # also if it is installed already
+    for _ in range(2):  # The result is the same if it is already installed.
         status, out, err = command("--install-completion", shell)
         assert status == 0
         assert path in out

@@ -1,4 +1,6 @@
-"""Processes that are interrupted or whose output nobody reads end without a traceback."""
+"""Processes end without a traceback if they are interrupted, or if the reader of their output has
+ended.
+"""
 
 import os
 import random
@@ -22,7 +24,9 @@ sys.meta_path.insert(0, Telling())
 from aosplan.__main__ import main
 main()
 """
-"""A program that prints a line just before it loads its first module; Python has started by then."""
+"""A program that prints a line just before it loads its first module.  At this time, Python has
+started.
+"""
 
 PROGRAM = shlex.join([sys.executable, "-m", "aosplan"])
 
@@ -34,7 +38,9 @@ LINES = [
 
 
 def signalled(number, after_s, arguments, restore=signal.default_int_handler):
-    """Status and stderr of a process that receives a signal some time after its first line ran."""
+    """Status and stderr of a process that receives a signal some time after its first line was
+    executed.
+    """
     with subprocess.Popen(
         [sys.executable, "-c", STARTED, *arguments],
         stdout=subprocess.DEVNULL,
@@ -54,7 +60,8 @@ def test_ctrl_c_at_any_moment_is_status_130_and_silent(folder, arguments):
     moments = random.Random(str(arguments))
     for _ in range(5):
         status, err = signalled(signal.SIGINT, moments.uniform(0.0, 0.12), arguments)
-        assert status in {0, 130, -signal.SIGINT}  # the last one if Python itself is ending
+        # The last status occurs if Python itself is ending.
+        assert status in {0, 130, -signal.SIGINT}
         assert "Traceback" not in err
         assert "KeyboardInterrupt" not in err
         assert not [name for name in os.listdir(folder) if name != "a.geojson"]
@@ -83,14 +90,16 @@ sys.meta_path.insert(0, Interrupting())
 from aosplan.__main__ import main
 main()
 """
-"""Programs with Ctrl-C where it is not a usual exception: in a callback, and while a class is made."""
+"""Programs in which Ctrl-C does not raise a usual exception: in a callback, and while a class is
+created.
+"""
 
 
 @pytest.mark.parametrize(
     ("then", "statuses"),
     [
         ("call_back(); import time; time.sleep(60)", {130}),
-        ("call_back()", {0, 130}),  # a short command may already be finished
+        ("call_back()", {0, 130}),  # A short command may already have finished.
         ("type('Class', (), {'member': Member()})", {130}),
     ],
 )
@@ -176,7 +185,7 @@ def test_closed_streams_take_nothing_with_them(folder, line, status):
     assert done.returncode == status
     assert "Traceback" not in done.stderr
     written = folder / "a.csv"
-    if written.exists():  # it does not contain output of another stream
+    if written.exists():  # It must not contain the output of another stream.
         rows = written.read_text().splitlines()
         assert rows[0].startswith("index,")
         assert len(rows) == 51

@@ -1,4 +1,4 @@
-"""Settings that are made before a command is loaded."""
+"""Tests of the settings of the process that are made before a command is loaded."""
 
 import subprocess
 import sys

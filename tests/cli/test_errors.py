@@ -319,7 +319,7 @@ def test_absurd_numbers_never_end_in_a_traceback(command, line, output):
         assert not re.search(r"\binf\b", out)
 
 
-# Each of these once did not end; a small machine needs a few seconds at most.
+# Each of these commands once did not end. They need at most a few seconds on a slow computer.
 ENDLESS = """
 plan --altitude 40 --visibility 0.678511
 plan --altitude 40 --visibility 0.6785109999999

@@ -1,6 +1,8 @@
-"""Small files that need too much time or memory, or contain the unexpected, give one error line.
+"""Small files that need too much time or memory, or that have unexpected content, give one error
+line.
 
-The comment at each test says what the file once caused: minutes, gigabytes, or an exception.
+The comment at each test gives the effect that the file once had: minutes, gigabytes, or an
+exception.
 """
 
 import io
@@ -50,7 +52,7 @@ def refused(folder, command):
 
 
 def star(points):
-    """An outline in which each edge crosses nearly all others."""
+    """An outline in which each edge crosses almost all other edges."""
     step = points // 2 - 1
     while math.gcd(points, step) > 1:
         step -= 1
@@ -67,7 +69,7 @@ def test_an_outline_that_crosses_itself_everywhere(refused, points):  # > 60 s; 
 
 
 def grid_of_needles(count):
-    """Two sets of polygons, in which each polygon of one set crosses all of the other."""
+    """Two sets of polygons.  Each polygon of one set crosses all polygons of the other set."""
     span, width = 0.001, 0.001 / count / 4
     for index in range(count):
         at = span * index / count
@@ -284,7 +286,7 @@ def test_canopy_heights_that_overflow(folder, command):  # a RuntimeWarning of n
 
 
 def jpeg(width, height):
-    """A JPEG that declares a size and contains nothing else."""
+    """A JPEG that declares a size and has no further content."""
     frame = struct.pack(">BHBHHB", 0xC0, 11, 8, height, width, 1) + b"\1\x11\0"
     return b"\xff\xd8\xff" + frame + b"\xff\xd9"
 

@@ -19,7 +19,9 @@ from support.command_line import (
 from aosplan.planning.options import OPTIONS
 
 PERSON = ["--find", "person", "--contrast", "1", "--canopy-offset", "0", "--crown-share", "0"]
-"""A person with an explicit signature; a later option on the command line replaces an earlier one."""
+"""A person with an explicit signature.  A later option on the command line replaces an earlier
+one.
+"""
 
 STEMS = ["--stems-per-hectare", "400", "--crown-diameter", "5", "--leaf-area-index", "1e5"]
 STEMS = [*STEMS, "--volume-height", "10", "--volume-base", "6"]
@@ -238,7 +240,8 @@ EFFECTS = {
     ),
     "acceleration": (
         ["--acceleration", "8"],
-        # Time of a leg from stop to stop; short legs do not reach the speed of 5 m/s.
+        # Time of a leg from stop to stop. On short legs, the drone does not reach the speed of 5
+        # m/s.
         lambda r, d: math.isclose(
             r["flight"]["time_s"] - 50,
             sum(
@@ -300,12 +303,13 @@ EFFECTS = {
     ),
     "wind_speed": (
         ["--wind-speed", "14", "--wind-from", "0"],
-        # On northward legs the ground speed is 15 - 14 = 1 m/s; others keep their speed.
+        # On northward legs, the ground speed is 15 - 14 = 1 m/s. Other legs keep their speed.
         lambda r, d: r["flight"]["time_s"] > d["flight"]["time_s"] + 10,
     ),
     "wind_from": (
         ["--wind-speed", "14", "--wind-from", "90"],
-        # Along the lines √(15² - 14²) = 5.4 m/s remain, which is enough; against the wind 1 m/s.
+        # Along the lines, the ground speed can be √(15² - 14²) = 5.4 m/s, which is enough. Against
+        # the wind, it is 1 m/s.
         lambda r, d: 0 < r["flight"]["time_s"] - d["flight"]["time_s"] < 10,
     ),
     "airspeed": (
@@ -375,7 +379,7 @@ CLOUD_ONLY = (
     "edges",
 )
 TERRAIN = ("terrain", "terrain_units", "terrain_tolerance")
-"""Tested with a terrain, in test_terrain.py."""
+"""These options are tested in test_terrain.py, because they need a terrain file."""
 
 
 def test_every_option_has_its_effect_tested():

@@ -1,4 +1,4 @@
-"""What commands print and write, and which files remain if they fail."""
+"""Output and files of commands, and the files that remain if a command fails."""
 
 import csv
 import io
@@ -12,7 +12,7 @@ from aosplan.cli.output import print_json
 from aosplan.errors import RequestError
 
 WIDE = "--allow-no-common-ground"
-"""Allows apertures wider than the footprint, with a warning."""
+"""Option that allows apertures wider than the footprint, with a warning."""
 
 
 def test_out_writes_and_says_so(folder, command):

@@ -164,8 +164,8 @@ def test_options_of_areas_that_do_not_fit_are_one_error(command, arguments, mess
         ("rectangle", 7, 8, 56, 50),
         ("square", 8, 8, 64, 50),
         ("line", 1, 50, 50, 50),
-        ("lanes", 3, 17, 51, 51),  # lanes are complete
-        ("spiral", 1, 50, 50, 50),  # one path of sites, like a line
+        ("lanes", 3, 17, 51, 51),  # Lanes are always complete.
+        ("spiral", 1, 50, 50, 50),  # a single path of sites, like a line
     ],
 )
 def test_grids_hold_at_least_the_samples_required(plan_of, kind, rows, columns, samples, required):
@@ -180,7 +180,7 @@ def test_grids_hold_at_least_the_samples_required(plan_of, kind, rows, columns, 
 def test_objectives_are_the_best_of_all(plan_of, objective):
     measure = {
         "samples": lambda r: r["samples"],
-        # The smallest extent, within the 1 % that may be traded for fewer samples.
+        # It is the smallest extent, within the 1 % that is accepted to save samples.
         "aperture": lambda r: extent(r) / 1.01,
         "time": lambda r: r["flight"]["time_s"],
     }[objective]

@@ -1,4 +1,4 @@
-"""`cameras`, `scenes` and `formats` list every preset, and every preset can be planned with."""
+"""`cameras`, `scenes` and `formats` list every preset, and every preset can be used in a plan."""
 
 import pytest
 

@@ -106,7 +106,7 @@ def test_a_closed_stdout_is_no_traceback(arguments):
 
 
 def test_a_full_stdout_is_status_1_and_one_line(folder):
-    # The file may not grow by a byte, as on a full disk.
+    # The file cannot become larger, as on a full disk.
     line = shlex.join([sys.executable, "-m", "aosplan", "plan", "--altitude", "40", "--json"])
     done = subprocess.run(
         ["sh", "-c", f"ulimit -f 0; exec {line} > out.json"],

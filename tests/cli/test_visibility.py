@@ -32,7 +32,9 @@ def test_the_calculator_takes_whole_grids(document, grid):
 
 
 def one_disparity(planned, spacing):
-    """V̂ of a plan's grid with a single d̂, as the command computes it; plans use slices."""
+    """V̂ of a plan's grid with a single d̂, as in the command `visibility`.  Plans use slices
+    instead.
+    """
     pattern = pattern_for("trimmed", planned["samples"])
     return 1.0 - pattern_shortfall(pattern, planned["baseline_m"] / spacing)
 

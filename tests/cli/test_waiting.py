@@ -9,7 +9,7 @@ AT_ONCE = (
     "import aosplan.cli.output as output\noutput.PATIENCE_S = 0.0\n"
     "from aosplan.__main__ import main\nmain()\n",
 )
-"""The program without the delay before it shows a search."""
+"""Arguments that run the program without the delay before it shows a search."""
 
 SEARCH = ["plan", "--altitude", "40", "--grid", "best", "--optimize", "visibility"]
 SEARCH = [*SEARCH, "--max-samples", "30", "--max-aperture", "9"]

@@ -1,4 +1,4 @@
-"""The page on the architecture: its diagram, and the files that it names."""
+"""The page about the architecture: tests of its diagram, and of the files that it names."""
 
 import re
 import subprocess
@@ -42,7 +42,7 @@ def test_every_import_between_chapters_leads_to_a_lower_row():
 
 
 def reached(start, pairs):
-    """Chapters that can be reached from one of them along arrows."""
+    """Chapters that can be reached from one chapter along arrows."""
     below = {lower for upper, lower in pairs if upper == start}
     return below.union(*(reached(lower, pairs) for lower in below))
 

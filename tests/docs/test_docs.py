@@ -1,4 +1,4 @@
-"""The documentation: its examples print the output that it shows, and it is complete."""
+"""The documentation: its examples print the output that the pages show, and it is complete."""
 
 import ast
 import re

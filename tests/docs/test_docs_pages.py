@@ -1,4 +1,5 @@
-"""The built documentation in a real browser; skipped if it is not built or there is no browser.
+"""The built documentation in a real browser.  The tests are skipped if it is not built or if there
+is no browser.
 
 Built as `.ci/run` does:  sphinx-build -W -n -b html docs docs/_build/html
 """

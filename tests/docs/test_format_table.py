@@ -1,4 +1,4 @@
-"""The table of drones and formats in the documentation comes from files that are written."""
+"""The table of drones and formats in the documentation agrees with the files that are written."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""The README's pictures: sufficiently small, and photos hide as much as counted rays."""
+"""The pictures of the README are small enough, and their photos hide the share of the ground that
+counted rays give.
+"""
 
 import runpy
 import shutil
@@ -62,7 +64,7 @@ def test_a_photo_shows_the_ground_where_rays_reach_it(beneath, site):
     views = VoxelViews(forest, beneath.ALTITUDE_M, targets_per_voxel=1)
     counted = views.blocked_views([site]) == 0
     assert 0.2 < counted.mean() < 0.6
-    # A drawn ray skips the voxels between the first and the last one that it meets in a slice.
+    # In each slice, a drawn ray meets only the first and the last of the voxels on its path.
     assert (seen == counted).mean() > 0.97
     assert seen.mean() == pytest.approx(counted.mean(), abs=0.02)
     assert camera.hidden == [pytest.approx(1.0 - seen.mean())]

@@ -1,4 +1,4 @@
-"""Flights: the sites of each battery, with the way from the take-off and back."""
+"""Flights: tests of the sites of each battery, with the paths from the take-off point and back."""
 
 import json
 import math
@@ -65,10 +65,10 @@ def test_flights_partition_the_sites_and_none_outlasts_the_battery(values):
         (number, len(flights)) for number in range(1, len(flights) + 1)
     ]
     for flight, mission in zip(flights, missions, strict=True):
-        # Times are sums, rounded at each leg.
+        # Times are sums with a rounding error for each leg.
         assert flight.time_s <= 60.0 * values["flight_time"] * (1.0 + 1e-12)
         assert len(photos(mission.waypoints)) == flight.samples >= 1
-    # Each flight takes as long as it takes alone, from the take-off and back.
+    # Each flight takes the same time as if it were the only flight, from take-off to landing.
     for flight, mission in zip(flights, missions, strict=True):
         ways = mission.waypoints
         track = Track(
@@ -104,7 +104,8 @@ def test_no_flight_has_room_for_the_next_site(values):
         assume(False)
     missions, timing, home = split.missions(), split.route.timing, home_of(split)
     for mission, following in pairwise(missions):
-        # With the next site, or with the next line if it is flown without stops, it is too long.
+        # If the next site were added, or the next line if lines are flown without stops, the flight
+        # would be too long.
         ways = list(mission.waypoints) + list(following.waypoints)
         count = len(mission.waypoints)
         part = next(
@@ -177,7 +178,7 @@ def test_a_resumed_plan_takes_the_photos_that_are_left(trigger, at):
     assert resumed.solution == whole.solution
     assert resumed.route.takeoff_ground_m is None
     if trigger == "distance":
-        assert not resumed.waypoints[0].photo  # it starts with a run-in again
+        assert not resumed.waypoints[0].photo  # The resumed flight starts with a run-in.
 
 
 def test_every_flight_resumes_where_the_one_before_ended():

@@ -1,4 +1,6 @@
-"""Times compared with a fine integration of the motion, and paths with their waypoints."""
+"""Flight times, compared with a fine integration of the motion, and paths, compared with their
+waypoints.
+"""
 
 import math
 from fractions import Fraction
@@ -31,9 +33,9 @@ accelerations = st.floats(0.3, 6.0)
 def integrated(bounds, acceleration, stops, step=2e-3):
     """Times at the ends of cells, for the fastest motion within the speed limits.
 
-    `bounds` are the speed limits of cells of length `step`, `stops` the ends of cells at which the
-    drone stands.  The speeds come from a forward and a backward sweep, in which v² increases by at
-    most 2 a s over a length s.
+    `bounds` has the speed limits of cells of length `step`.  `stops` has the ends of cells at which
+    the drone stops.  The speeds come from a forward and a backward sweep, in which v² increases by
+    at most 2 a s over a length s.
     """
     speed = [0.0]
     for cell, bound in enumerate(bounds):
@@ -54,7 +56,7 @@ def test_stop_to_stop_is_the_fastest_motion_within_the_bounds(length, speed, acc
     cells = 4000
     times = integrated([speed] * cells, acceleration, {cells}, length / cells)
     time = stop_to_stop_s(length, speed, acceleration)
-    # If the speed limit is reached within a cell, the sweep is off by less than this cell.
+    # If the speed limit is reached within a cell, the error of the sweep is less than this cell.
     assert times[-1] == pytest.approx(time, rel=1e-3)
     for cell in range(0, cells + 1, 250):
         passed = passing_s(cell * length / cells, length, speed, acceleration)
@@ -84,7 +86,9 @@ SLOPED = [(0, 0, 40), (3, 0, 41), (6, 0, 44), (6, 9, 44), (6, 9, 60), (-20, 9, 4
 
 
 def bound(start, stop, timing):
-    """Speed along a sloped leg: horizontally at most the cruise speed, vertically the climb speed."""
+    """Speed along a sloped leg.  Its horizontal component is at most the cruise speed, and its
+    vertical component at most the climb speed.
+    """
     length, level = math.dist(start, stop), math.dist(start[:2], stop[:2])
     rise = abs(stop[2] - start[2])
     return min(
@@ -169,7 +173,7 @@ def test_wind_from_the_north_blows_south():
 def test_a_drone_holds_its_ground_speed_while_the_air_lets_it():
     calm = Timing(5.0)
     light = Timing(5.0, wind=wind_mps(8.0, 0.0), airspeed_mps=15.0)
-    assert light.leg_s(30.0) == calm.leg_s(30.0)  # 13 m/s through the air is possible
+    assert light.leg_s(30.0) == calm.leg_s(30.0)  # An airspeed of 13 m/s is possible.
     strong = Timing(5.0, wind=wind_mps(12.0, 0.0), airspeed_mps=15.0)
     assert strong.leg_s(30.0) == pytest.approx(30.0 / 3.0 + 3.0 / 2.0)
     assert strong.leg_s(-30.0) == calm.leg_s(30.0)

@@ -1,4 +1,4 @@
-"""Photos in passing: the limit that determines the speed, and the turning points."""
+"""Photos while flying: tests of the limit that determines the speed, and of the turning points."""
 
 import math
 from itertools import pairwise
@@ -38,7 +38,7 @@ def ruling(result):
             10.0,
             "Mini 3 Pro",
         ),
-        # Against a wind of 13 m/s, 2 of 15 m/s remain.
+        # Against a wind of 13 m/s, the ground speed is 15 - 13 = 2 m/s.
         ({"wind_speed": 13, "wind_from": 180}, 2.0, "wind"),
         ({"wind_speed": 13, "wind_from": 0}, 2.0, "wind"),
         ({"wind_speed": 13, "wind_from": 0, "heading": 90}, 5.0, "at the requested speed"),
@@ -75,7 +75,7 @@ def test_no_photo_is_blurred_or_missed(exposure, blur, interval, wanted):
 @pytest.mark.parametrize("heading", [0.0, 57.0, 300.0])
 @pytest.mark.parametrize("grid", LATTICES)
 def test_photos_are_the_sites_and_turns_lie_outside_on_the_line(grid, heading):
-    # A line with this number of photos is longer than the footprint.
+    # With this number of photos, the line is longer than the footprint.
     asked = {"grid": grid, "heading": heading, "allow_no_common_ground": grid == "line"}
     stopping = plan(PlanRequest(altitude=40, **asked))
     result = passing(**asked)

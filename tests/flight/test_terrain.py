@@ -61,7 +61,7 @@ def test_heights_are_bilinear_between_four_pixels(folder):
 
 
 def test_degrees_and_metres_and_turned_rasters_say_the_same(folder, sloped):
-    # The same plane in a raster in degrees, and in one that is turned by 30 degrees.
+    # The same plane is in a raster in degrees, and in a raster that is rotated by 30 degrees.
     step, size = 1e-5, 500
     lon = LINZ[1] + (np.arange(size) - 0.5 * (size - 1)) * step
     lat = LINZ[0] - (np.arange(size) - 0.5 * (size - 1)) * step
@@ -85,7 +85,7 @@ def test_degrees_and_metres_and_turned_rasters_say_the_same(folder, sloped):
         assert three.heights_m(*places) == pytest.approx(one.heights_m(*places), abs=2e-3)
         assert one.pixel_m == pytest.approx(1.0, abs=4e-4)  # the scale of UTM here
         assert three.pixel_m == pytest.approx(one.pixel_m)
-        # 1e-5 degrees are 1.11 m north and 0.74 m east; the smaller side counts.
+        # 1e-5 degrees are 1.11 m to the north and 0.74 m to the east. The smaller one is used.
         assert two.pixel_m == pytest.approx(0.742, abs=0.002)
 
 
@@ -154,7 +154,7 @@ def test_a_huge_raster_is_read_only_where_it_is_needed(folder):
         "from aosplan import PlanRequest, plan\n"
         f"r = plan(PlanRequest(altitude=40, origin={LINZ}, terrain={path!r}))\n"
         "print(r.waypoints.ground_m[0])\n"
-        # The peak memory of this program only, because ru_maxrss includes that of its parent.
+        # This is the peak memory of the program alone. ru_maxrss would include that of its parent.
         "status = open('/proc/self/status').read()\n"
         "print(status.split('VmHWM:')[1].split()[0])\n"
     )
@@ -222,7 +222,8 @@ def test_between_waypoints_the_way_stays_within_the_tolerance(
             x, y = UTM.transform(lon, lat)
             level = (1 - share) * one.ground_m + share * other.ground_m + 40.0
             nearest = min(nearest, level - float(hills(x - EAST, y - NORTH)))
-    # The distance of half a pixel between checked places, and the pixels themselves, hide a few cm.
+    # Because places are checked every half pixel, and because of the size of pixels, errors of a
+    # few cm are possible.
     assert nearest >= 40.0 - tolerance - 0.05
     assert result.document()["height"]["nearest_m"] == pytest.approx(nearest, abs=0.05)
     photos = [way for way in ways if way.photo]
@@ -278,7 +279,8 @@ def test_heights_without_a_takeoff_say_where_to_take_off(hilly):
     first = result.waypoints[0]
     (warning,) = [w.message for w in result.warnings if w.code == "takeoff_assumed"]
     assert f"{first.ground_m:.1f} m" in warning
-    # The files of all flights state the same take-off, so heights in them mean the same.
+    # The files of all flights have the same take-off point, so that their heights have the same
+    # reference.
     for mission in result.missions():
         place = mission.settings.takeoff_latitude, mission.settings.takeoff_longitude
         assert place == pytest.approx((first.latitude, first.longitude), abs=1e-9)
@@ -293,7 +295,7 @@ def test_the_drone_climbs_above_a_hill_on_its_way_from_the_takeoff(folder):
     far = planned(terrain=path, takeoff=(lat, lon))
     codes = {w.code: w.message for w in far.warnings}
     assert "takeoff_assumed" not in codes
-    # The transit is above the canopy on the ridge plus the clearance, on ground of 300 m.
+    # The ridge is at 300 m. The transit is above it by the height of the canopy plus the clearance.
     (flight,) = far.route.flights
     expected = 45.0 + far.scene.canopy_top_m + 2.0
     assert flight.climb_m == pytest.approx(expected, abs=0.3)

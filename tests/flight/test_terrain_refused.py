@@ -1,4 +1,4 @@
-"""Invalid terrain, or terrain that does not cover the flight, gives one clear error."""
+"""An invalid terrain file, or one that does not cover the flight, gives one clear error."""
 
 from pathlib import Path
 

@@ -1,7 +1,8 @@
-"""Damaged files of every kind that is read, kept from the fuzzer: each gives one error line.
+"""Damaged files of every kind that aosplan reads, found by the fuzzer.  Each gives one error line.
 
-A line of ``corpus/commands.txt`` has the file, its name beside the files of ``corpus/beside``, and the
-command that reads it.  To keep a file that ``test_readers.py`` found, add it and its line.
+Each line of ``corpus/commands.txt`` has a file, its name in a folder with the files of
+``corpus/beside``, and the command that reads it.  To keep a file that ``test_readers.py`` has
+found, add the file and such a line.
 """
 
 import shutil

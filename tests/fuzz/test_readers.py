@@ -1,9 +1,10 @@
-"""All readers with mutated files: one error line or a result, within limits of time and memory.
+"""All readers with mutated files: each gives one error line or a result, within limits of time and
+memory.
 
-Each example runs the command line in its own process; status, output, time and memory are checked.
-``AOSPLAN_FUZZ_EXAMPLES`` mutations of each valid file are tried, starting with number
+Each example runs the command line in a separate process.  Status, output, time and memory are
+checked.  ``AOSPLAN_FUZZ_EXAMPLES`` mutations of each valid file are tried, starting with number
 ``AOSPLAN_FUZZ_SEED``.  Failures are written to the folder ``AOSPLAN_FUZZ_KEEP``.  Earlier failures
-have tests of their own in ``tests/cli/test_hostile_files.py``.  Every run of the tests reads a small
+have separate tests in ``tests/cli/test_hostile_files.py``.  Every run of the tests reads a small
 corpus of mutated files (``test_corpus.py``).
 """
 
@@ -24,7 +25,7 @@ from support.fuzz_seeds import NUMBERS, OUR_LINES, WORDS, seeds
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks, and measures memory")
 
 for needed in ("laspy", "lazrs", "rasterio", "PIL", "polars", "shapely"):
-    # imported only by the child processes, because threads do not survive a fork
+    # Only the child processes import these modules, because threads do not survive a fork.
     if find_spec(needed) is None:
         pytest.skip(f"{needed} is not installed", allow_module_level=True)
 
@@ -69,7 +70,9 @@ def mutated(content, rng):
 
 
 def outcome(folder, command):
-    """Description of what is wrong with the result of a command in its own process, or empty."""
+    """Description of the fault in the result of a command that runs in a separate process; empty
+    without a fault.
+    """
     said = folder / "stderr"
     started = time.monotonic()
     pid = os.fork()
@@ -108,7 +111,9 @@ def outcome(folder, command):
 
 
 def run_on(folder, seed, content, tmp_path):
-    """Description of what goes wrong if a command reads some content instead of the valid file."""
+    """Description of the fault if a command reads some content instead of the valid file; empty
+    without a fault.
+    """
     place = tmp_path / "here"
     if not place.exists():
         shutil.copytree(folder, place)

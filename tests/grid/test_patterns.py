@@ -1,4 +1,6 @@
-"""Patterns: their sites, the order of the sites, and properties that the solver assumes."""
+"""Patterns: tests of their sites, of the order of the sites, and of properties that the solver
+assumes.
+"""
 
 import itertools
 import math
@@ -26,11 +28,11 @@ from aosplan.models.positions import pattern_shortfall
 from aosplan.scenes.scene import Layer
 
 MOST = 600
-"""All numbers of samples up to this are compared with the documented rule."""
+"""Largest number of samples that is compared with the documented rule."""
 
 
 def rectangle_for(samples):
-    """The smallest r x r or r x (r+1) rectangle with at least a number of sites."""
+    """The smallest rectangle of r x r or r x (r+1) sites that has at least `samples` sites."""
     sizes = ((r, r + more) for r in itertools.count(1) for more in (0, 1))
     return next((rows, columns) for rows, columns in sizes if rows * columns >= samples)
 
@@ -38,8 +40,9 @@ def rectangle_for(samples):
 def sites_left(samples):
     """Sites that the trimming rule leaves, computed from all sites of the rectangle.
 
-    Surplus sites are removed in point-mirrored pairs, starting with those farthest from the centre,
-    with ties in order of (row, column).  If one is left over, it is removed alone.
+    Surplus sites are removed in point-symmetric pairs, beginning with those farthest from the
+    centre.  Ties are in the order of (row, column).  If the surplus is odd, the last site is
+    removed alone.
     """
     rows, columns = rectangle_for(samples)
 
@@ -240,7 +243,7 @@ def test_within_a_frame_every_sample_lowers_the_shortfall_in_exact_arithmetic():
 @pytest.mark.parametrize("row_pitch", [1.0, 4.0])
 def test_every_frame_lowers_the_shortfall_of_the_one_before(grid, row_pitch):
     pitch = max(row_pitch, NARROWEST_TURNS) if grid == "spiral" else row_pitch
-    most = 50 if grid == "spiral" else 120  # spirals are summed pair by pair, which is slow
+    most = 50 if grid == "spiral" else 120  # For spirals, the sum is over all pairs, which is slow.
     for dhat in DISPARITIES:
         shortfalls = [
             pattern_shortfall(frame.whole, dhat)

@@ -39,7 +39,9 @@ def test_each_site_lies_a_baseline_from_the_one_before(spiral):
 
 @every
 def test_sites_lie_on_two_arms_whose_turns_are_as_far_apart_as_asked(spiral):
-    """Both arms have r = t θ/π and are half a turn apart, so neighbouring arms are t apart."""
+    """For both arms, r = t θ/π.  They differ by half a turn, so that the distance between
+    neighbouring arms is t.
+    """
     sites = list(spiral.offsets())
     outward = sites[(spiral.samples + 1) // 2 :]
     turns, before = 0.0, 0.0

@@ -75,7 +75,7 @@ def test_gaps_are_where_photos_were_left_out_and_the_top_up_closes_them(tmp_path
     assert found.missing == np.flatnonzero(gone).tolist()
     coverage = found.coverage
     places = coverage.cells.middles_m
-    # A place lacks a site if the site is missing in the rectangle around the place.
+    # A place has too few sites if a site in the rectangle around it is missing.
     window = planned.layout.survey.rectangle_m
     turn = np.radians(25.0)
     axes = np.array([[np.sin(turn), np.cos(turn)], [np.cos(turn), -np.sin(turn)]])
@@ -84,11 +84,12 @@ def test_gaps_are_where_photos_were_left_out_and_the_top_up_closes_them(tmp_path
     short = in_window[:, ~gone].sum(axis=1) < np.minimum(in_window.sum(axis=1), 12)
     assert (coverage.gaps == (short & coverage.cells.inside_rows)).all()
     assert 0.05 < coverage.gap_share < 0.5
-    # All gaps are within reach of the missing sites, and the centre of these is a gap.
+    # All gaps are within reach of the missing sites, and the centre of the missing sites is in a
+    # gap.
     near = np.hypot(*(places[coverage.gaps] - [10.0, -5.0]).T)
     assert near.max() < 12.0 + np.hypot(*window) / 2
     assert near.min() < 1.0
-    # After the top-up is flown, there is no gap.
+    # With the photos of the top-up, there are no gaps.
     route = found.topup.waypoints
     more = np.column_stack([route.east_m, route.north_m])
     latitude, longitude = to_wgs84(planned.origin, *np.vstack([points, more]).T.tolist())
@@ -116,7 +117,7 @@ def test_a_search_is_topped_up_until_its_detection_is_as_planned(tmp_path, squar
     assert detection.flown < detection.planned - 0.02
     assert detection.planned - 0.02 < detection.completed < detection.planned + 0.01
     assert coverage.document()["rule"] == "detection"
-    # If all planned photos of a place were taken, its detection has not changed.
+    # If all planned photos of a place were taken, its probability of detection is as planned.
     same = inside & (coverage.flown == coverage.planned)
     change = coverage.planned_detection[same] - coverage.flown_detection[same]
     assert np.abs(change).max() < 0.05
@@ -140,7 +141,8 @@ def test_few_sites_cover_all_places(seed):
     chosen = set(covering(rows, wanted, 12).tolist())
     for row, number in zip(rows, wanted.tolist(), strict=True):
         assert len(chosen & set(row.tolist())) >= min(number, len(row))
-    # The greedy choice is within 1 + ln(30) of the smallest; a single place gets the wanted number.
+    # The greedy choice is at most 1 + ln(30) times as large as the smallest one. For a single
+    # place, it has exactly the required number of sites.
     assert len(covering([np.arange(5)], np.array([3]), 5)) == 3
     assert len(covering([np.arange(5)], np.array([0]), 5)) == 0
 

@@ -1,4 +1,4 @@
-"""Detection by place, compared with counting photo by photo and with predictions for single places."""
+"""Detection by place, compared with counts of photos and with predictions for single places."""
 
 import json
 import math
@@ -80,7 +80,7 @@ def test_places_are_seen_by_the_photos_whose_footprint_holds_them(noise_m):
         errors.append(found[place] - alone)
     assert np.abs(errors).max() < 0.04
     assert np.sqrt(np.mean(np.square(errors))) < 0.015
-    assert 0.3 < found[inside].mean() < 0.99  # neither all nor nothing is found
+    assert 0.3 < found[inside].mean() < 0.99  # The probabilities are neither all 0 nor all 1.
 
 
 def test_the_mean_is_that_of_the_places_and_the_area_that_of_the_outline(over_field):
@@ -91,7 +91,8 @@ def test_the_mean_is_that_of_the_places_and_the_area_that_of_the_outline(over_fi
         sum(found.probability[inside].tolist()) / int(inside.sum()), rel=1e-12
     )
     assert document["area_m2"] == pytest.approx(planned.layout.survey.area_m2, rel=0.01)
-    assert document["photos"]["least"] >= 12  # the coverage rule: N sites around every point
+    # By the coverage rule, there are N sites around every point.
+    assert document["photos"]["least"] >= 12
     assert document["unseen_share"] == 0.0
     assert document["canopy"] == "scene"
 
@@ -115,8 +116,9 @@ def test_the_sweep_width_of_a_line_is_the_swath_times_the_probability():
     planned = plan(PlanRequest(**wanted, **line))
     found = detection_map(planned)
     along_m, swath_m = planned.camera.footprint_m(40.0)
-    # Lateral range curve: in the middle of the line, each place is in the 9 or 10 photos that are
-    # within a footprint's length, at any distance from the line.
+    # This is the lateral range curve. In the middle of the line, each place is in 9 or 10 photos:
+    # those within the length of a footprint. Their number does not depend on the distance from the
+    # line.
     aside = (np.arange(11) - 5.0) * swath_m / 11.0
     width = []
     for phase in (np.arange(10) + 0.5) / 10.0:
@@ -183,8 +185,8 @@ def prior_of(path, found, values, **profile):
 
 def test_success_is_detection_times_the_prior_that_is_there(tmp_path, over_field):
     _, found = over_field
-    # Ten by ten pixels of 100 m around the area: with a uniform prior, its share is that of its
-    # area.
+    # The prior has ten by ten pixels of 100 m around the area. It is uniform, so that the
+    # probability of the area is its share of the pixels' area.
     even = success_of(found, prior_of(tmp_path / "even.tif", found, np.full((10, 10), 7.0)))
     assert even.area == pytest.approx(found.cells.area_m2 / 1e6, rel=0.002)
     assert even.success == pytest.approx(even.area * found.mean, rel=1e-3)

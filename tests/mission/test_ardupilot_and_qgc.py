@@ -72,7 +72,7 @@ def test_plans_follow_the_rules_of_qgroundcontrol(mission):
         codes = [item["command"] for item in plan["mission"]["items"]]
         assert codes[:3] == [22, 178, 205]
         assert codes[-1] == 20
-        # PX4 uses command 2000, and ArduPilot 203, because it refuses 2000 before version 4.4.
+        # PX4 uses command 2000. ArduPilot uses 203, because it refuses 2000 before version 4.4.
         assert ({203, 2000} & set(codes)) <= {203 if autopilot == "ardupilot" else 2000}
         wired = flown._replace(settings=flown.settings._replace(camera_control="outputs"))
         wired_items = plan_of(wired)["mission"]["items"]

@@ -1,6 +1,6 @@
 """Programs for maps read the files: GDAL, fastkml with the OGC schema, geojson, and litchi-wp.
 
-Tests of programs that are not installed are skipped.
+If a program is not installed, its tests are skipped.
 """
 
 import io
@@ -80,7 +80,7 @@ def test_gdal_reads_both_documents_of_wpml(tmp_path, member):
     path = tmp_path / f"{member}.kml"
     path.write_bytes(archive.read(f"wpmz/{member}"))
     found = gdal_points(path)
-    # WPML has heights in elements of its own.
+    # WPML has heights in separate elements.
     check_sites([(latitude, longitude, 40.0) for latitude, longitude, _ in found], mission)
 
 
@@ -149,7 +149,7 @@ def test_litchi_wp_reads_every_row(tmp_path, name, trigger):
     path = tmp_path / "mission.csv"
     path.write_bytes(render(mission, formats()["litchi"]))
     assert path.read_text().splitlines()[0] == Waypoint.get_header(None)
-    # It prints and skips rows that it does not understand, so the rows are counted.
+    # The program prints and skips rows that it does not understand. The rows are therefore counted.
     read = Waypoint.from_file(str(path))
     if trigger == "stop":
         check_sites([(site.lat, site.lon, site.altitude.value) for site in read], mission)

@@ -1,7 +1,7 @@
 """Programs that use MAVLink load the files: pymavlink, MAVSDK and MAVProxy.
 
-MAVProxy connects to a simulated vehicle on the loopback interface, MAVSDK to its own server.  Tests
-of programs that are not installed are skipped.
+MAVProxy connects to a simulated vehicle on the loopback interface, and MAVSDK connects to its own
+server.  If a program is not installed, its tests are skipped.
 """
 
 import importlib.util
@@ -36,7 +36,7 @@ def check_sites(found, mission):
     ways = flown_path(mission)
     assert len(found) == len(ways)
     for (latitude, longitude, altitude), site in zip(found, ways, strict=True):
-        # A client that truncates instead of rounding has an error of one more unit.
+        # A client that truncates instead of rounding has an additional error of one unit.
         assert abs(latitude - site.latitude * 1e7) <= 1.01
         assert abs(longitude - site.longitude * 1e7) <= 1.01
         assert abs(altitude - site.height_m) <= 1e-3
@@ -96,7 +96,9 @@ def test_pymavlink_refuses_what_is_broken(mavutil, tmp_path, spoil):
 
 @pytest.fixture(scope="module")
 def ground_station():
-    """MAVSDK connected to its own server: raw missions, and the missions that arrived."""
+    """MAVSDK connected to its own server.  Returns the interface for raw missions, and the missions
+    that arrived.
+    """
     pytest.importorskip("mavsdk")
     from mavsdk import ComponentType, Configuration, Mavsdk
     from mavsdk.plugins.mission_raw import MissionRaw

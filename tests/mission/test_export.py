@@ -1,4 +1,6 @@
-"""Formats: the same positions in the same order in every file, and complete files or none."""
+"""Formats: every file has the same positions in the same order, and either all files are complete
+or none is written.
+"""
 
 import csv
 import importlib
@@ -151,7 +153,8 @@ def test_geojson_is_a_feature_collection_of_rfc_7946(origin, grid):
 
 
 def test_geojson_names_longitude_first():
-    # At Linz 48 must be the latitude; with swapped axes the position is in the Indian Ocean.
+    # At Linz, 48 must be the latitude. If the axes were swapped, the position would be in the
+    # Indian Ocean.
     for point in points_of(rendered(planned(origin=LINZ), "geojson")):
         longitude, latitude, _ = point["geometry"]["coordinates"]
         assert longitude == pytest.approx(LINZ[1], abs=1e-3)
@@ -209,7 +212,7 @@ def test_a_path_across_the_antimeridian_is_cut_there(longitude, grid, heading):
         assert len(part) >= 2
         assert all(abs(stop[0] - start[0]) <= 180 for start, stop in pairwise(part))
     for part, following in pairwise(parts):
-        # The cut is at one place, which has two longitudes.
+        # The cut is at a single place, which has two longitudes.
         assert {part[-1][0], following[0][0]} == {180.0, -180.0}
         assert part[-1][1:] == following[0][1:]
     places = [tuple(place) for part in parts for place in part]
@@ -332,7 +335,7 @@ def test_an_unknown_ending_lists_the_known_ones():
         choose_format("plan.txt")
     assert "csv (.csv)" in caught.value.hint
     assert "geojson (.geojson)" in caught.value.hint
-    assert "litchi (litchi:FILE)" in caught.value.hint  # has no extension of its own
+    assert "litchi (litchi:FILE)" in caught.value.hint  # This format has no extension of its own.
 
 
 def test_a_misspelt_format_gets_the_nearest():

@@ -1,4 +1,6 @@
-"""All formats: the same sites in the same order, the rules of their readers, and their limits."""
+"""All formats: tests of the order of sites, of the rules of the programs that read them, and of
+their limits.
+"""
 
 import itertools
 import json
@@ -37,7 +39,8 @@ def test_every_format_has_a_reader_here():
 @settings(max_examples=15)
 def test_the_same_sites_in_the_same_order_in_every_format(mission):
     ways = mission.waypoints
-    # With photos in passing, files for autopilots only have the ends of lines: see test_replay.py.
+    # If photos are taken while flying, files for autopilots have only the ends of lines: see
+    # test_replay.py.
     stopping = mission._replace(settings=mission.settings._replace(trigger="stop"))
     for name, form in formats().items():
         written_ = flown_in(stopping if form.flown_by else mission, name)
@@ -76,7 +79,8 @@ def test_a_terrain_frame_leaves_the_ground_to_the_autopilot(name):
         ground_m=ground, takeoff_ground_m=190.0, altitude_frame="terrain", autopilot=AUTOPILOT[name]
     )
     content = written(mission, name)
-    # The transit to the first site is relative to the take-off, as the ground there is not known.
+    # The height of the transit to the first site is relative to the take-off point, because the
+    # ground there is not known.
     assert [place[2] for place in positions_of(name, [content])] == [83.0, *[40.0] * 12]
     if name == "litchi":
         modes = [line.split(b",")[38] for line in content.splitlines()[1:]]
@@ -113,7 +117,8 @@ def test_stopping_takes_one_photo_at_each_site_after_its_hold(photo):
     items = plan_of(mission)["mission"]["items"]
     places = [place for place, item in enumerate(items) if item["command"] == 16]
     assert [items[place + 1]["command"] == 2000 for place in places] == shot
-    # PX4 takes the photo at the end of the waypoint's hold, so half of the hold comes after it.
+    # PX4 takes the photo at the end of the waypoint's hold. Half of the hold is therefore after the
+    # photo.
     assert [items[place]["params"][0] for place in places] == [1.0 if yes else 0.0 for yes in shot]
     delays = [items[place + 2] for place, yes in zip(places, shot, strict=True) if yes]
     assert [(item["command"], item["params"][0]) for item in delays] == [(93, 1.0)] * sum(shot)
@@ -141,7 +146,8 @@ def test_a_distance_trigger_is_on_along_lines_and_off_between_them():
     items = plan_of(mission)["mission"]["items"]
     assert [item["params"][0] for item in items if item["command"] == 206] == [2.5, 0.0] * 3
     holds = [item["params"][0] for item in items if item["command"] == 16]
-    # First photo, where PX4 stops, last photo, and end of the trigger, where it stops, too.
+    # The points are the first photo, at which PX4 stops, the last photo, and the end of the
+    # trigger, at which PX4 also stops.
     assert holds == [0.01, 0.0, 0.01] * 3
     waylines = documents_of(written(mission, "kmz"))["waylines.wpml"]
     groups = [
@@ -232,7 +238,7 @@ def test_names_stay_names(name):
     mission = grid()._replace(summary={"scene": {"name": name}, "camera": {"name": "dji-m3t-wide"}})
     for form in formats().values():
         if "\ud800" in name and form.name in {"geojson", "plan"}:
-            continue  # JSON files are UTF-8, which cannot contain half a surrogate pair
+            continue  # JSON files are in UTF-8, which cannot contain half a surrogate pair.
         content = written(mission, form.name)
         assert len(positions_of(form.name, [content])) == 12
         assert b"<script>" not in content or form.name in {"geojson", "plan"}

@@ -1,4 +1,4 @@
-"""Limits of a file: missions are split, or refused with the number."""
+"""Limits of a file: longer missions are split, or refused with a message that gives the number."""
 
 import itertools
 import json
@@ -27,7 +27,8 @@ def limit_cases():
 def test_no_file_holds_more_than_its_target_takes(name, target, most):
     autopilot = target if target in {"px4", "ardupilot"} else None
     size = size_of(formats()[name])
-    # Items of a file: home, take-off, speed, gimbal and return, and a number for each site.
+    # A file has items for home, take-off, speed, gimbal and return, and several items for each
+    # site.
     each = {"px4": 3, "ardupilot": 3}.get(target, 1)
     fits = (most - (5 if each > 1 else 0)) // each
     for count in (fits, fits + 1, 2 * fits + 1) if most < 1000 else (fits + 1,):

@@ -1,4 +1,6 @@
-"""DJI Fly, Autel and Parrot: structure, numbers and limits, and missions that each refuses."""
+"""Formats of DJI Fly, Autel and Parrot: tests of structure, numbers and limits, and of missions
+that are refused.
+"""
 
 import pytest
 from hypothesis import given, settings
@@ -157,8 +159,8 @@ def test_parrot_items_are_those_that_the_anafi_takes(mission):
     assert (rows[0][3], rows[-1][3]) == (22, 20)
     for row in rows:
         if row[3] == 16:
-            assert row[4] == 0  # ignored, because holds are delays
-            assert row[5] > 0  # otherwise 5 m is used
+            assert row[4] == 0  # This value is ignored, because holds are written as delays.
+            assert row[5] > 0  # With 0, 5 m would be used.
             assert 0 <= row[7] < 360
     assert [row[4:11] for row in rows if row[3] == 205] == [[-90, 0, 0, 0, 0, 0, 2]]
 

@@ -1,4 +1,6 @@
-"""Notes beside a file: absolute heights, settings that it does not contain, and its autopilot."""
+"""Notes about a file: absolute heights, settings that the file does not contain, and its
+autopilot.
+"""
 
 import pytest
 from support.flights import flown_in, grid

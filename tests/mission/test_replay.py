@@ -1,7 +1,7 @@
-"""Ideal flights from the files alone, for all combinations of options.
+"""Ideal flights of the files, for all combinations of options.
 
-Photos are taken at the planned sites and nowhere else.  The flights keep the clearance over terrain
-and canopy, do not exceed the drone's speeds, and take the time of the plan.
+Photos are taken at the planned sites and at no other places.  The flights keep the clearance over
+terrain and canopy, do not exceed the drone's speeds, and take the time of the plan.
 """
 
 import itertools
@@ -87,8 +87,8 @@ SHAPES = {"takeoff": relief, "terrain": relief, "rough": rough}
 
 PIXEL_M = {"takeoff": 4.0, "terrain": 4.0, "rough": 1.0}
 RASTER_M = {
-    # Bilinear interpolation of a ridge has an error of its curvature times the pixel squared over
-    # 8.
+    # Bilinear interpolation of a ridge has an error of its curvature times the square of the pixel
+    # size, divided by 8.
     "takeoff": 2.0 * 50.0 / 25.0**2 * 4.0**2 / 8.0,
     "terrain": 2.0 * 50.0 / 25.0**2 * 4.0**2 / 8.0,
     "rough": (8.0 / 8.0**2 + 8.0 / 6.0**2) * 1.0**2 / 8.0,
@@ -99,13 +99,15 @@ RASTER_M = {
 DEGREE_M = 111_700.0
 
 PLACE_M = {"waypoints": 0.5e-8 * DEGREE_M, "parrot": 0.5e-8 * DEGREE_M}
-"""Rounding error of latitudes and longitudes with eight decimals; other formats have ten."""
+"""Rounding error of latitudes and longitudes with eight decimals.  Other formats have ten
+decimals.
+"""
 
 HEIGHT_M = {"litchi": 0.5e-3, "waypoints": 0.5e-8, "parrot": 0.5e-8}
-"""Rounding error of heights; other formats have four decimals."""
+"""Rounding error of heights.  Formats that are not listed have four decimals."""
 
 SPEED_MPS = dict.fromkeys(("litchi", "kmz", "dji-fly", "autel"), 0.5e-4)
-"""Rounding error of speeds with four decimals; other formats have eight or more."""
+"""Rounding error of speeds with four decimals.  Other formats have eight decimals or more."""
 
 
 @pytest.fixture(scope="module")
@@ -184,13 +186,15 @@ def test_files_fly_as_planned(terrains, craft, trigger, frame, grid):
             written += 1
         except RequestError as refused:
             check_refusal(name, values, refused)
-    # There is no file for drones whose formats support neither photos in passing nor terrain
-    # heights.
+    # Some drones have only formats that support neither photos while flying nor terrain heights.
+    # They have no file.
     assert written or trigger == "distance" or frame == "terrain"
 
 
 def check_refusal(name, values, refused):
-    """A file is refused with a remedy, and only if the drone or the format cannot fly it."""
+    """Check that a file is refused with a remedy, and only if the drone or the format cannot fly
+    it.
+    """
     assert refused.hint
     form, drone = formats()[name], DRONES.get(values.get("drone", ""))
     autopilot = drone.autopilot if drone else values.get("autopilot")
@@ -216,8 +220,8 @@ def check_flight(name, contents, result, mission, frame):
     ]
     flights = [replayed(name, content, ground, result, mission) for content in contents]
     shots = [shot for flight in flights for shot in flight.photos]
-    # The distance along a line counts from its first photo.  Both ends of the line are rounded, and
-    # the spacing has six decimals.
+    # The distance along a line is measured from its first photo. Both ends of the line are rounded,
+    # and the spacing has six decimals.
     place_m = 2.0 * math.sqrt(2.0) * PLACE_M.get(name, 0.5e-10 * DEGREE_M) + 1e-4
     place_m += 0.5e-6 * len(sites)
     height_m = HEIGHT_M.get(name, 0.5e-4) + 1e-6
@@ -247,7 +251,9 @@ def check_flight(name, contents, result, mission, frame):
 
 
 def check_time(name, flights, result, mission, ground, *, bends):
-    """Check that a file takes the time of the plan; parts of a split file take their shares of it."""
+    """Check that a file takes the time of the plan, and that each part of a split file takes its
+    share of this time.
+    """
     motion = {"acceleration": result.request.acceleration, "climb": result.request.climb}
     if len(flights) > 1:
         one_file = mission.settings._replace(file_waypoints=100_000)
@@ -263,20 +269,21 @@ def check_time(name, flights, result, mission, ground, *, bends):
         flights = [alone]
     expected = result.route.flights[mission.flight - 1].time_s
     points = flights[0].points
-    # A leg takes longer by the relative amount by which its speed is rounded down.
+    # If the speed of a leg is rounded down, the leg takes longer by the same relative amount.
     slack = sum(
         math.dist(one[:3], other[:3]) / one.speed * SPEED_MPS.get(name, 0.0) / one.speed
         for one, other in itertools.pairwise(points[:-1])
         if one.speed
     )
-    # On climbing lines the heights limit the speed, and the file omits bends of less than 0.1 m.
+    # On climbing lines, the climb rate limits the speed, and the file omits bends of less than 0.1
+    # m.
     lines = sum(point.spacing == 0.0 for point in points)
     slack += bends * (lines + 1) * 2.0 * BEND_M / result.request.climb
-    # PX4 is held at the ends of lines; rounded places make legs longer or shorter.
+    # PX4 holds at the ends of lines. Rounded positions make legs longer or shorter.
     slack += sum(point.hold for point in points if not point.photos)
     slack += len(points) * PLACE_M.get(name, 0.0)
     if mission.settings.altitude_frame == "terrain":
-        # A leg as short as what the raster misses of the ground.
+        # Such a leg is as short as the error of the raster's heights.
         slack += 4.0 * 2.0 * math.sqrt(RASTER_M["terrain"] / result.request.acceleration)
     slack += 0.01
     assert abs(duration_s(points, **motion) - expected) < slack

@@ -1,4 +1,4 @@
-"""Predictions for slanted rays against leaves through which rays are cast, and against enumeration."""
+"""Predictions for slanted rays, compared with rays cast through leaves, and with enumeration."""
 
 import math
 
@@ -24,7 +24,9 @@ def random_leaves(rng, count):
 
 @pytest.mark.slow
 def test_leaves_of_random_direction_hide_by_the_length_of_a_ray():
-    """Rays cast through discs: ln T at a slope is that straight down, times the secant."""
+    """For rays cast through discs, ln T at a slope is ln T of vertical rays times the secant of the
+    angle.
+    """
     rng = np.random.default_rng(7)
     ground = rng.random((2, 60_000)) * 8.0
     depth = {}
@@ -35,7 +37,7 @@ def test_leaves_of_random_direction_hide_by_the_length_of_a_ray():
             along = np.repeat(np.array(slope)[:, np.newaxis], ground.shape[1], axis=1)
             hits.append(np.mean(stand.first_hits(ground, along) > 0.0))
         depth[slope] = -math.log1p(-np.mean(hits))
-    # 2400 leaves on 64 m², each with a mean shadow of half its area.
+    # There are 2400 leaves on 64 m². The mean shadow of a leaf is half its area.
     assert depth[0.0, 0.0] == pytest.approx(2400 / 64 * 0.5 * math.pi * 0.01, rel=0.03)
     straight = LayeredScene("leaves", (Layer(2.0, 8.0, -math.expm1(-depth[0.0, 0.0]), 6.0),))
     for slope, found in depth.items():

@@ -1,4 +1,6 @@
-"""Detection compared with the design's numbers, random points, and random windows and cells."""
+"""Detection, compared with numbers of the design document, with random points, and with random
+windows and cells.
+"""
 
 import math
 from dataclasses import replace
@@ -53,11 +55,13 @@ def test_kernels_have_the_moments_of_drawn_pairs_of_points(target):
     assert float((made.box[1] * square).sum()) == pytest.approx(target.box_m**2 / 3.0, rel=0.02)
 
 
-# --- The pairs of rays, against drawn slices ----------------------------------------------------
+# --- The pairs of rays, compared with random slices ---------------------------------------------
 
 
 def test_pairs_of_rays_share_what_they_share_in_drawn_slices():
-    """Q and C at one offset on the ground and of the cameras are those of 20,000 random stacks."""
+    """For one offset on the ground and one offset of the cameras, Q and C agree with 20,000 random
+    stacks.
+    """
     layers = (Layer(3.0, 5.0, 0.3, 0.4), Layer(7.0, 9.0, 0.1, 0.3), Layer(9.0, 13.0, 0.5, 0.8))
     altitude, ground, camera = 40.0, np.array([0.15, -0.1]), np.array([0.6, 0.4])
     rng = np.random.default_rng(3)
@@ -75,7 +79,8 @@ def test_pairs_of_rays_share_what_they_share_in_drawn_slices():
         open_pair &= ~first & ~second
     both = open_pair
     pairs = WindowPairs(layers, altitude, PERSON)
-    # The lattice contains the simulated offset and its mirror images, as in the integrals.
+    # The lattice contains the simulated offset and its mirror images, like the lattice of the
+    # integrals.
     found_both, found_same = (
         found[1, 0] for found in pairs.maps(np.array([ground[0], ground[1]]), camera[0], camera[1])
     )
@@ -85,7 +90,9 @@ def test_pairs_of_rays_share_what_they_share_in_drawn_slices():
 
 
 def test_the_variance_of_the_seen_share_is_that_of_drawn_windows():
-    """The variance is that of windows over one slice of random cells, with converging rays."""
+    """The variance agrees with that of windows below one slice of random cells, with converging
+    rays.
+    """
     layer, altitude, target = Layer(9.99, 10.01, 0.6, 0.3), 40.0, PERSON
     pattern, baseline = Pattern(2, 3), 1.1
     sites = baseline * np.array(list(pattern.offsets()))
@@ -129,7 +136,9 @@ def test_single_slice_seen_share():
     ],
 )
 def test_detection_of_the_design(layers, samples, found, clutter, level):
-    """Section 4.8: the share found at three contrasts within 0.018, without the box mean."""
+    """Section 4.8: without the box mean, the share found at three contrasts is within 0.018 of the
+    design's values.
+    """
     predicted = detection(layers, samples, 2.0, rigid=False, local=False)
     assert predicted.deviation == pytest.approx(clutter, rel=0.021)
     assert predicted.threshold / predicted.deviation == pytest.approx(level, rel=0.02)
@@ -138,7 +147,7 @@ def test_detection_of_the_design(layers, samples, found, clutter, level):
         assert abs(curve[contrast] - share) < 0.05 + 2 * 0.018
 
 
-# --- What has to hold --------------------------------------------------------------------------
+# --- Necessary properties ----------------------------------------------------------------------
 
 
 def test_a_table_of_offsets_gives_what_the_integrals_give():
@@ -180,7 +189,9 @@ def test_what_is_colder_is_found_as_what_is_warmer():
 
 
 def test_clutter_at_crown_scale_hides_a_person():
-    """With half of the variance at the scale of crowns, a target that was mostly found is not."""
+    """If half of the variance is common to crowns, a target that was found with high probability is
+    no longer found.
+    """
     own = detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.0), local=False)
     crowns = detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.5), local=False)
     assert own.probability > 0.75
@@ -190,13 +201,16 @@ def test_clutter_at_crown_scale_hides_a_person():
 
 
 def test_crowns_have_the_covariance_of_drawn_fields():
-    """Window and box means of smooth random fields have this covariance (one photo and slice)."""
+    """The means of smooth random fields over window and box have the predicted covariance, for one
+    photo and slice.
+    """
     target, altitude, height = PERSON, 40.0, 10.0
     made = kernels(target, 0.3)
     window, box = crown_covariances(
         np.zeros((1, 2)), np.array([height]), np.array([1.0]), altitude, target, made
     )
-    shape, pitch = (480, 480), 0.1  # on the ground, where the length of a crown is 1 m/(1 - H/h)
+    # Projected on the ground, the length of a crown is 1 m/(1 - H/h).
+    shape, pitch = (480, 480), 0.1
     detector = MatchedWindow((target.width_m, target.length_m), shape, (pitch, pitch))
     found = []
     for seed in range(12):
@@ -213,7 +227,9 @@ def test_crowns_have_the_covariance_of_drawn_fields():
 
 @pytest.mark.parametrize("scattered", [False, True], ids=["grid", "scattered"])
 def test_crowns_of_a_pattern_are_summed_over_all_its_pairs(scattered):
-    """The covariances equal sums over all pairs of photos and heights, with quadrature for the box."""
+    """The covariances equal sums over all pairs of photos and heights.  The mean over the box is
+    computed by quadrature.
+    """
     altitude, heights = 40.0, np.array([3.0, 9.0, 16.0])
     ends, made = np.array([0.2, 0.5, 0.3]), kernels(PERSON, 0.3)
     x, y = np.meshgrid([0.0, 5.0, 10.0], [-2.0, 1.5])
@@ -231,7 +247,9 @@ def test_crowns_of_a_pattern_are_summed_over_all_its_pairs(scattered):
     shares = np.outer(share, share)
 
     def mean(variance, offsets, weights):
-        """Correlation, which is a Gaussian blurred by a variance, averaged over offsets."""
+        """The mean of the correlation over offsets.  The correlation is a Gaussian that is blurred
+        by a variance.
+        """
         wide = CROWN_LENGTH_M**2 + variance
         field = np.exp(-0.5 * (apart[..., None] + offsets) ** 2 / wide) @ weights
         return CROWN_LENGTH_M**2 / wide * float((shares * field.prod(axis=2)).sum())
@@ -284,14 +302,17 @@ def test_windows_that_count_as_independent_are_more_at_higher_levels():
 
 @pytest.mark.parametrize("number", [0.3, 3.0, 500.0])
 def test_an_exponential_tail_is_followed_beyond_the_highest_peaks(number):
-    """Of 20,000 peaks above 2 with an exponential scale of 0.1, n exceed 2 + 0.1 ln(20,000/n)."""
+    """If 20,000 peaks above 2 have an exponential distribution with the scale 0.1, n of them exceed
+    2 + 0.1 ln(20,000/n).
+    """
     rng = np.random.default_rng(6)
     drawn = [
         tail_level(np.sort(2.0 + 0.1 * rng.exponential(size=20_000))[::-1], number)
         for _ in range(60)
     ]
     expected = 2.0 + 0.1 * math.log(20_000 / number)
-    # The mean of the n-th peak is higher by about 0.1/(2 n), which is 0.002 for a fit to 30 peaks.
+    # The mean of the n-th peak is higher than this by about 0.1/(2 n). This is 0.002 for a fit to
+    # 30 peaks.
     assert abs(np.mean(drawn) - expected) < 4.0 * np.std(drawn) / math.sqrt(60) + 0.002
 
 
@@ -307,7 +328,7 @@ def test_what_is_counted_in_voxels_is_what_the_measured_model_sees(slice_m):
     found = count_detection(volume, sites, 40.0, PERSON, Signature(8.0, 0.0, 0.0), false_alarms=1.0)
     seen = MeasuredModel(volume, 40.0).predict_positions(sites)
     assert found.seen.mean == pytest.approx(seen.transparency, abs=0.01)
-    # Windows vary less than points, so V = 1 - E[X²] bounds the variance of s.
+    # Windows vary less than points. The variance of s is therefore bounded by V = 1 - E[X²].
     points = 1.0 - seen.expected - seen.density**2
     assert 0.3 * points < found.seen.variance < points
     assert 0.0 < found.probability < 1.0

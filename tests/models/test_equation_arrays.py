@@ -1,4 +1,4 @@
-"""Eq. 1 to 5 with scalars, arrays of every kind, and values outside their domain."""
+"""Eq. 1 to 5 with scalars, with arrays of every kind, and with values outside their domain."""
 
 import math
 
@@ -47,7 +47,7 @@ def test_scalars_and_arrays_of_the_other_equations_give_the_same_to_1_ulp():
 
 
 def test_squares_given_twice_or_by_one_name_give_the_same_to_1_ulp():
-    """`rows is columns` is computed by a shorter formula, with the same result."""
+    """If `rows is columns`, a shorter formula is used.  It gives the same result."""
     _, side, _, dhat = spread(2000, seed=4)
     for one, other in (
         (visibility(0.5, side, side, dhat), visibility(0.5, side, side.copy(), dhat)),

@@ -89,7 +89,8 @@ def decimals(draw):
 @given(written=decimals())
 def test_required_samples_is_exact_for_what_is_written(written):
     text, digits, whole = written
-    fewest = -(-whole // (whole - digits))  # ⌈1/(1 - digits/whole)⌉ in whole numbers
+    # This is ⌈1/(1 - digits/whole)⌉, computed with whole numbers.
+    fewest = -(-whole // (whole - digits))
     assert required_samples(text) == fewest
     assert required_samples(Decimal(text)) == fewest
     assert required_samples(Fraction(digits, whole)) == fewest

@@ -1,4 +1,4 @@
-"""Eq. 1 to 5 compared with exact arithmetic, published values, and each other."""
+"""Eq. 1 to 5, compared with exact arithmetic, with published values, and with each other."""
 
 import csv
 import math
@@ -122,7 +122,7 @@ def test_v_and_vhat_and_their_complements_are_within_8_ulp_of_exact_arithmetic(d
     ],
 )
 def test_arguments_found_by_search_to_be_the_worst_keep_8_ulp(density, side, dhat):
-    """Arguments for which all rounding errors have the same sign stay within 8 ulp."""
+    """For arguments at which all rounding errors have the same sign, the error is at most 8 ulp."""
     values = computed_values(density, side, side, dhat)
     for value, reference in zip(values, exact_values(density, side, side, dhat), strict=True):
         assert exact.ulps(value, reference) <= ULPS
@@ -161,7 +161,9 @@ def test_transparency_may_be_an_array():
 
 
 def test_no_term_of_eq_2_jumps_at_a_breakpoint():
-    """Both sides of d̂ = 1/k are accurate, and values at neighbouring floats differ by a few ulp."""
+    """Values on both sides of d̂ = 1/k are accurate, and values at neighbouring floats differ by a
+    few ulp.
+    """
     for k in (1, 2, 3, 7, 49, 999, 12345, 10**6):
         at = 1.0 / k
         for side in (2, 3, k, k + 1, k + 2, 10**6):
@@ -184,7 +186,7 @@ def test_the_limits_are_within_2_ulp(density):
 
 
 def not_above(low, high, units=ULPS):
-    """Whether low <= high, within the accuracy of both."""
+    """Whether `low` is at most `high`, within the accuracy of both."""
     return low <= high + units * math.ulp(high)
 
 
@@ -284,7 +286,9 @@ def test_rows_and_columns_may_be_exchanged(grid, density):
 
 
 def eq_1_bound(row):
-    """8 + 2 |ln T| units, because a relative error of the exponent is multiplied by the exponent."""
+    """The bound is 8 + 2 |ln T| units, because the relative error of T is |ln T| times the relative
+    error of the exponent.
+    """
     return 8.0 + 2.0 * abs(float(mpmath.log(mpmath.mpf(row["transparency"]))))
 
 
@@ -420,7 +424,9 @@ def test_the_limits_at_56_7_percent():
 
 
 def test_the_apertures_of_fig_9_are_one_pitch_larger_than_eq_5():
-    """The paper's 14 m for 25 samples and 19.6 m for 49 at b = 2.8 m are √N b, but Eq. 5 is used."""
+    """At b = 2.8 m, the paper has 14 m for 25 samples and 19.6 m for 49 samples.  These values are
+    √N b, but aosplan uses Eq. 5.
+    """
     for samples, printed in ((25, 14.0), (49, 19.6)):
         assert math.sqrt(samples) * 2.8 == near(printed, rel=1e-15)
         assert aperture(samples, 2.8) == near(printed - 2.8, rel=1e-15)

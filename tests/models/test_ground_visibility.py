@@ -24,14 +24,16 @@ def test_quadrature_is_exact_for_polynomials_of_the_fifth_degree():
 
 
 def test_slanted_leaves_hide_what_monte_carlo_finds():
-    """One layer of randomly oriented leaves, independent for each sample (K = 1/N)."""
+    """The stand is one layer of leaves of random direction, which is independent for each sample (K
+    = 1/N).
+    """
     rng = np.random.default_rng(3)
     sites = followed(pattern_for("trimmed", 12), 4.0)
     p, altitude, place = 0.6, 20.0, (3.0, -5.0)
     at = of_statistics(Prediction(p, 1 - p, 1 / 12), sites, altitude)
     path = [math.dist((*site, altitude), (*place, 0.0)) / altitude for site in sites]
-    # The number of leaves on a ray has a Poisson distribution, in proportion to the length of the
-    # ray.
+    # The number of leaves on a ray has a Poisson distribution. Its mean is proportional to the
+    # length of the ray.
     draws = rng.poisson(-math.log(1 - p) * np.array(path), (200_000, 12)) > 0
     shares = draws.mean(axis=1)
     hidden, visible = at(*place)

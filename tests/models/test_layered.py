@@ -25,7 +25,7 @@ near = partial(pytest.approx, abs=0.0)
 
 @st.composite
 def stacks(draw, most=4):
-    """Slices above each other, all below 50 m."""
+    """A stack of slices below 50 m."""
     layers, bottom = [], 0.0
     for _ in range(draw(st.integers(1, most))):
         bottom += draw(st.floats(0.0, 3.0))
@@ -74,7 +74,9 @@ def test_one_slice_is_the_uniform_model_for_every_trimmed_grid(dhat):
 
 
 def test_slices_that_move_alike_are_one_slice():
-    """Slices with equal ratios of size and height have equal disparities, and K = 1/N at d̂ = 1."""
+    """Slices with the same ratio of size to height have the same disparity, and K = 1/N at d̂ =
+    1.
+    """
     apart = [Layer(height, height, 0.2, 0.05 * height) for height in (2.0, 4.0, 8.0)]
     samples = pattern_for("trimmed", 20)
     mixed = LayeredModel(apart, 40.0).predict(samples, 1.0)
@@ -84,7 +86,7 @@ def test_slices_that_move_alike_are_one_slice():
     assert LayeredModel(apart, 40.0).predict(samples, 2.0).shortfall == near(1 / 20, rel=1e-12)
 
 
-# --- Against exact sums --------------------------------------------------------------------
+# --- Comparison with exact sums ------------------------------------------------------------
 
 
 @settings(max_examples=60)
@@ -147,10 +149,10 @@ def test_the_size_of_a_block_does_not_matter(monkeypatch, terms_at_once):
     assert found() == near(at_once, rel=1e-14)
 
 
-# --- Against exact enumeration -------------------------------------------------------------
+# --- Comparison with exact enumeration -----------------------------------------------------
 
 ENUMERATED = [
-    # share and d̂ of every slice; rows x columns
+    # share and d̂ of every slice, then rows and columns
     ([("1/3", "1/2")], (2, 2)),
     ([("1/3", "2/5")], (2, 3)),
     ([("9/10", "3/4")], (1, 5)),
@@ -164,11 +166,13 @@ ENUMERATED = [
 
 @pytest.mark.parametrize(("slices", "size"), ENUMERATED)
 def test_every_state_of_a_tiny_volume_counted_out_gives_the_same_visibility(slices, size):
-    """Enumeration uses only occupied and empty cells, without covariances or independence of pairs."""
+    """Enumeration uses only occupied and empty cells.  It uses neither covariances nor the
+    independence of pairs.
+    """
     exactly = [(Fraction(density), Fraction(dhat)) for density, dhat in slices]
     sites = [(row, column) for row in range(size[0]) for column in range(size[1])]
     density, seen = exact.enumerated_volume(exactly, sites)
-    # From 64 m, at 1 m apart, occluders of 1/4 m at a height of 16 d̂ have the disparity d̂.
+    # For samples 1 m apart at 64 m, occluders of 1/4 m at the height 16 d̂ have the disparity d̂.
     layers = [
         Layer(16.0 * float(dhat), 16.0 * float(dhat), float(share), 0.25) for share, dhat in exactly
     ]
@@ -189,18 +193,18 @@ def test_enumeration_and_the_sum_over_pairs_are_the_same_number():
     assert seen == exact.visibility(p, shortfall)
 
 
-# --- Against simulated volumes -------------------------------------------------------------
+# --- Comparison with simulated volumes -----------------------------------------------------
 
 SIXTY = [Layer(height, height, 0.012, 0.15) for height in np.linspace(0.25, 20.0, 60).tolist()]
-"""Sixty slices of small occluders, which have d̂ = 1 at very different baselines."""
+"""Sixty slices of small occluders.  Their baselines for d̂ = 1 are very different."""
 
 
 def simulate(layers, altitude, side, baseline, *, volumes, targets, seed):
-    """Simulated means and standard errors of the hidden share X of side x side views.
+    """Simulation of the hidden share X of side x side views.
 
-    Every slice is a periodic lattice of random cells with a random phase.  Views look up the cells
-    on their rays to random targets.  Returns the estimates of E[X²] and of the variance of X about
-    the density p of the cells, each as (mean, standard error).
+    Every slice is a periodic lattice of random cells with a random phase.  For rays to random
+    targets, the cells on the rays are looked up.  Returns the estimates of E[X²] and of the
+    variance of X about the density p of the cells, each as (mean, standard error).
     """
     rng = np.random.default_rng(seed)
     cells = 128
@@ -226,7 +230,9 @@ def simulate(layers, altitude, side, baseline, *, volumes, targets, seed):
 
 @pytest.mark.parametrize(("baseline", "vhat"), [(1.0, 0.938), (3.5, 0.970)])
 def test_a_simulated_volume_of_sixty_slices_shows_what_is_predicted(baseline, vhat):
-    """The simulation agrees within its standard errors; the uniform formula would give V̂ = 0.980."""
+    """The simulation agrees within its standard errors.  The uniform formula would give V̂ =
+    0.980.
+    """
     prediction = LayeredModel(SIXTY, 50.0).predict(Pattern(7, 7), baseline)
     assert prediction.normalized == pytest.approx(vhat, rel=0.0, abs=0.0005)
     (square, square_error), (variance, variance_error) = simulate(
@@ -289,7 +295,9 @@ def test_the_papers_forest_is_cut_into_slices_one_occluder_thick():
     ],
 )
 def test_98_percent_in_layers_of_the_papers_forest_needs_these_baselines(samples, baseline, extent):
-    """The smallest baseline, by bisection, is that of the design; the paper's rule gives 3.5 m."""
+    """The smallest baseline, found by bisection, is that of the design document.  The paper's rule
+    gives 3.5 m.
+    """
     model = LayeredModel(paper_forest().slices(), 50.0)
     pattern = pattern_for("trimmed", samples)
     low, high = 0.0, 3.5
@@ -352,7 +360,7 @@ def test_at_one_place_all_samples_are_one():
 
 
 def test_an_occluder_smaller_than_a_pixel_counts_as_one_pixel():
-    """With o = 1 cm at 10 m below a camera at 50 m, a pixel is 40 m / 2000 px = 2 cm."""
+    """For o = 1 cm at a height of 10 m and a camera at 50 m, a pixel is 40 m / 2000 px = 2 cm."""
     tiny, grown = Layer(10.0, 10.0, 0.2, 0.01), Layer(10.0, 10.0, 0.2, 0.02)
     with_camera = LayeredModel([tiny], 50.0, focal_length_px=2000.0)
     without = LayeredModel([grown], 50.0)

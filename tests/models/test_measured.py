@@ -1,4 +1,6 @@
-"""The measured model compared with its definitions, Eq. 2, the layered model, and known values."""
+"""The measured model, compared with its definitions, with Eq. 2, with the layered model, and with
+known values.
+"""
 
 import math
 
@@ -93,8 +95,8 @@ def test_the_heading_turns_the_pattern(forest):
         sites(pattern, 1.7, 37.0)
     )
     assert turned.predict(pattern, 1.7) != MeasuredModel(forest, 50.0).predict(pattern, 1.7)
-    # North is along rows of voxels; along walls that run north, views from a northward line are
-    # alike.
+    # North is the direction in which the number of rows increases. If walls run north, views from a
+    # line to the north are similar.
     walls = np.zeros((10, 20, 20), dtype=bool)
     walls[:, :, ::5] = True
     along, across = (
@@ -176,7 +178,9 @@ def test_an_altitude_below_the_canopy_is_refused(forest):
 
 
 def assert_expected(values, expected):
-    """Check a mean within four standard errors, which have to be small."""
+    """Check that a mean is within four standard errors of its expected value, and that the standard
+    errors are small.
+    """
     error = np.std(values, ddof=1) / math.sqrt(len(values))
     assert 0.0 < error < 0.002
     assert abs(np.mean(values) - expected) < 4.0 * error
@@ -196,7 +200,7 @@ def test_one_slice_is_eq_2(rows, columns, dhat):
         found.append(model.predict(Pattern(rows, columns), baseline))
     expected = visibility(density, rows, columns, dhat)
     assert_expected([prediction.expected for prediction in found], expected)
-    # K relative to the plot's own p: a share 1/cells of the variance is in p itself.
+    # K is relative to p of the plot itself. A share 1/cells of the variance is in p.
     shortfall = (visibility_shortfall(rows, columns, dhat) - 1.0 / cells) / (1.0 - 1.0 / cells)
     assert_expected([prediction.shortfall for prediction in found], shortfall)
 
@@ -228,14 +232,14 @@ def test_independent_slices_are_the_layered_model(targets_per_voxel):
 
 @pytest.fixture(scope="module")
 def conifers():
-    """A drone's cloud of a mixed conifer stand, 27 m x 26 m."""
+    """A point cloud of a mixed conifer stand from a drone, 27 m x 26 m."""
     pytest.importorskip("laspy")
     if not CLOUD.is_file():
         pytest.skip("the real point clouds are not at hand")
     from aosplan.scenes import voxels
     from aosplan.scenes.files import point_cloud
 
-    # The other codes counted the ragged last cells, too.
+    # The other programs also counted the last cells, which are only partly filled.
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(voxels, "without_ragged_cells", lambda occupied, *_: occupied)
         return point_cloud.read_voxels(str(CLOUD), voxel_m=0.25, min_height_m=0.5)
@@ -255,7 +259,8 @@ def test_known_density(conifers):
     ],
 )
 def test_known_figures(conifers, view, baseline, density, v, vhat):
-    # Computed from the same cloud with other code and other ground interpolations.
+    # These values were computed from the same cloud by other programs, with other interpolations of
+    # the ground.
     found = MeasuredModel(conifers, 50.0, view=view).predict(Pattern(7, 7), baseline)
     assert found.density == pytest.approx(density, abs=0.002)
     assert found.expected == pytest.approx(v, abs=0.001)

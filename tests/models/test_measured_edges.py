@@ -1,4 +1,6 @@
-"""Targets whose rays stay on a plot: the surroundings of the plot do not affect their prediction."""
+"""Targets whose rays stay on a plot: their prediction does not depend on the surroundings of the
+plot.
+"""
 
 from dataclasses import replace
 
@@ -33,7 +35,7 @@ def test_interior_targets_do_not_know_what_stands_around_the_plot(stand, plot, v
     sites = inside.sites_m(pattern, baseline) + np.array([1.7, -0.9])
     window = inside.interior(sites)
     if view == "perspective":
-        assert window is None  # all cameras are above the plot, so all rays stay on it
+        assert window is None  # All cameras are above the plot, so that all rays stay on it.
         return
     k = inside.occlusion.targets_per_voxel
     whole = MeasuredModel(stand, ALTITUDE_M)
@@ -90,7 +92,9 @@ def test_a_clipped_rim_does_not_reach_the_interior(plot):
 
 
 def clipped(stand, cells):
-    """A stand without what is so near to its edges, as of a cloud that was cut around trunks."""
+    """A stand without the voxels that are close to its edges.  It resembles a cloud from which
+    trees at the edge were removed.
+    """
     occupied = np.zeros_like(stand.occupied)
     inside = np.s_[:, cells:-cells, cells:-cells]
     occupied[inside] = stand.occupied[inside]
@@ -101,7 +105,8 @@ def test_correlograms_of_the_interior_do_not_know_the_rim(stand):
     whole, thin = correlogram(stand), correlogram(clipped(stand, 4))
     assert len(whole.interior) == len(INTERIOR)
     assert whole.density - thin.density > 0.03
-    near = whole.lags <= 0.5 * whole.reach  # at 45 degrees both components stay within the aperture
+    # At 45 degrees, both components stay within the aperture.
+    near = whole.lags <= 0.5 * whole.reach
     one, other = whole.interior[-1], thin.interior[-1]
     assert one.density == other.density
     assert (one.density_by_offset[:, near] == other.density_by_offset[:, near]).all()
@@ -110,7 +115,9 @@ def test_correlograms_of_the_interior_do_not_know_the_rim(stand):
 
 
 def test_an_interior_density_is_the_mean_over_its_targets(stand):
-    """Of the widest aperture a quarter of the plot counts; the nadir view by its columns."""
+    """For the widest aperture, the targets of a quarter of the plot are counted.  For the nadir
+    view, the density is the share of hidden columns.
+    """
     table = correlogram(stand)
     rows, columns = stand.hidden_columns.shape
     middle = stand.hidden_columns[rows // 4 : -(rows // 4), columns // 4 : -(columns // 4)]

@@ -1,4 +1,4 @@
-"""Rays off nadir compared with their definition, and with random cubes without any grid."""
+"""Slanted rays, compared with their definition, and with random cubes that are not on a grid."""
 
 import math
 from functools import partial
@@ -133,7 +133,8 @@ SIDE, EDGE, BASE, DEPTH, ALTITUDE = 12.0, 0.5, 3.0, 5.0, 20.0
 
 
 def hidden(rng, rate, cameras, targets):
-    """Targets that cubes of a Poisson process hide from each camera, shape (views, targets).
+    """Mask of the targets that cubes of a Poisson process hide from each camera, shape (views,
+    targets).
 
     The centres of the cubes fill a slab.  The plot is periodic, and each target is at the centre of
     the aperture.
@@ -143,7 +144,8 @@ def hidden(rng, rate, cameras, targets):
     at = rng.uniform(0.0, SIDE, (targets, 2))
     found = np.zeros((len(cameras), targets), dtype=bool)
     for view, camera in enumerate(cameras):
-        # A ray is inside a cube at the heights at which all three coordinates are inside.
+        # A ray is inside a cube at the heights at which all three of its coordinates are inside the
+        # cube.
         low = np.tile(middle - 0.5 * EDGE, (targets, 1))
         high = low + EDGE
         for axis in range(2):
@@ -162,7 +164,7 @@ def hidden(rng, rate, cameras, targets):
 
 @pytest.mark.parametrize("baseline", [pytest.param(1.0, marks=pytest.mark.slow), 3.0])
 def test_cubes_at_random_show_what_is_predicted(baseline):
-    rate = 0.9 / (EDGE**2 * DEPTH)  # a nadir ray is clear with probability exp(-0.9)
+    rate = 0.9 / (EDGE**2 * DEPTH)  # A nadir ray is clear with the probability exp(-0.9).
     pattern = Pattern(3, 4)
     cameras = [((c - 1.5) * baseline, (r - 1.0) * baseline) for r, c in pattern.sites()]
     rng = np.random.default_rng(5)
@@ -183,14 +185,14 @@ def test_cubes_at_random_show_what_is_predicted(baseline):
     expected = [1.0 - (views.mean(axis=0) ** 2).mean() for views in seen]
     for values, predicted, slack in (
         (density, found.density, 0.0),
-        # the model approximates pairs of rays with different slopes
+        # The model is only approximate for pairs of rays with different slopes.
         (expected, found.expected, 0.003),
     ):
         error = np.std(values, ddof=1) / math.sqrt(len(values))
         assert 0.0 < error < 0.008
         assert abs(np.mean(values) - predicted) < 4.0 * error + slack
     nadir = LayeredModel(layers, ALTITUDE).predict(pattern, baseline)
-    if baseline == 3.0:  # the sides of the cubes hide a considerable part
+    if baseline == 3.0:  # The sides of the cubes hide a considerable share.
         error = np.std(density, ddof=1) / math.sqrt(len(density))
         assert np.mean(density) - nadir.density > 4.0 * error
 

@@ -1,4 +1,6 @@
-"""The paper's figures: their stored numbers compared with exact values, and made again."""
+"""The figures of the paper: their stored numbers are compared with exact values, and are computed
+again.
+"""
 
 import csv
 import runpy

@@ -1,4 +1,4 @@
-"""Position noise compared with quadrature and random positions, and its effect on plans."""
+"""Position noise, compared with quadrature and with random positions, and its effect on plans."""
 
 import math
 from functools import partial
@@ -57,7 +57,7 @@ def test_the_blurred_triangle_is_an_expectation(distance, spread):
 
 
 def second_difference(distance, spread):
-    """The same in closed form, with enough digits for the cancellation."""
+    """The same value in closed form, with enough digits to allow for cancellation."""
     with mp.workdps(80):
         u, s = mp.mpf(distance), mp.mpf(spread)
         return float(
@@ -168,7 +168,8 @@ def test_blurred_slices_are_integrals(hold_error):
         z = (x - middle) / deviation
         return math.exp(-0.5 * z * z) / (math.sqrt(2.0 * math.pi) * deviation)
 
-    # Simpson's rule on panels between the kinks, which are small compared with the noise.
+    # Simpson's rule is used on panels between the kinks. The panels are small compared with the
+    # noise.
     def axis(middle):
         kinks = sorted({0.0, *reach, *(-far for far in reach)})
         low, high = middle - 9.0 * deviation, middle + 9.0 * deviation
@@ -254,7 +255,7 @@ def test_visibility_still_rises_with_the_baseline_and_the_samples(which, hold_er
 
 
 def test_sites_on_no_lattice_are_summed_pair_by_pair():
-    # The offsets of a lattice give the same result by either method.
+    # Both methods give the same result for the offsets of a lattice.
     lattice = Pattern(4, 5)
     assert scattered_shortfall(lattice.offsets(), 0.8, 0.6) == near(
         blurred_shortfall(lattice, 0.8, 0.6), rel=1e-13
@@ -313,7 +314,7 @@ def test_every_objective_takes_noise_into_account(model, optimize):
         "aperture": lambda p: max(p.extent_m),
         "time": lambda p: p.document()["flight"]["time_s"],
     }[optimize]
-    if optimize == "aperture":  # close sites have a larger aperture because of the noise
+    if optimize == "aperture":  # For close sites, the noise increases the aperture.
         assert measure(held) != measure(without)
     else:
         assert measure(held) > measure(without)
@@ -349,7 +350,7 @@ def test_measured_expectations_are_means_over_flights(forest):
     )
     assert noisy.predict(pattern, 1.5) == flown.prediction
     assert exact.predict(pattern, 1.5) != flown.prediction
-    # Other random draws agree within the standard errors.
+    # Results with other random numbers agree within the standard errors.
     rng = np.random.default_rng(12)
     sites = exact.sites_m(pattern, 1.5)
     others = [

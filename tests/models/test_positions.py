@@ -1,4 +1,4 @@
-"""The shortfall of any set of sites compared with the exact sum over all pairs."""
+"""The shortfall of any set of sites, compared with the exact sum over all pairs."""
 
 import math
 from fractions import Fraction
@@ -42,7 +42,7 @@ def exact_shortfall(positions, spacing):
 
 @st.composite
 def patterns(draw):
-    """A rectangle from which some sites are removed, but not all."""
+    """A rectangle from which some, but not all, sites are removed."""
     rows, columns = draw(st.integers(1, 8)), draw(st.integers(1, 8))
     everywhere = [(row, column) for row in range(rows) for column in range(columns)]
     removed = draw(st.lists(st.sampled_from(everywhere), unique=True, max_size=rows * columns - 1))
@@ -326,11 +326,11 @@ def test_a_mask_of_another_shape_is_refused(shape):
 
 
 def test_the_exact_sums_agree_with_each_other():
-    """Both methods of the reference give the sum of the offsets that is counted by hand."""
+    """Both methods of the reference give the same sum as a count of offsets by hand."""
     sites = [(0, 0), (0, 1), (2, 1)]
     dhat = Fraction(1, 4)
-    # Offsets (0, 1): 3/4; (2, 1): 1/2 · 3/4; (2, 0): 1/2; each counts twice; three pairs have
-    # offset 0.
+    # The overlap is 3/4 for the offset (0, 1), 1/2 · 3/4 for (2, 1), and 1/2 for (2, 0). Each of
+    # these is counted twice. Three pairs have the offset 0.
     by_hand = (3 + 2 * (Fraction(3, 4) + Fraction(3, 8) + Fraction(1, 2))) / 9
     assert exact.lattice_pair_sum(sites, dhat) == by_hand
     assert exact.pair_sum([(x, y) for y, x in sites], 1 / dhat) == by_hand

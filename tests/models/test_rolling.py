@@ -1,4 +1,6 @@
-"""Lines that are longer than their integral: what each integral along them shows."""
+"""Lines that are longer than their integral: tests of the predictions for integrals along these
+lines.
+"""
 
 import math
 
@@ -12,7 +14,7 @@ from aosplan.models.rolling import continuous_of
 from aosplan.models.uniform import UniformModel
 
 LONG_LINE = {"altitude": 40, "grid": "line", "allow_no_common_ground": True}
-"""A line of 50 photos with 137.2 m, longer than the 27 m of an image."""
+"""A line of 50 photos with a length of 137.2 m.  It is longer than an image, which is 27 m long."""
 
 
 def test_a_long_line_is_flown_past_its_integral():

@@ -1,4 +1,4 @@
-"""Every model stays within a few units in the last place at extreme arguments.
+"""At extreme arguments, the error of every model is at most a few units in the last place.
 
 `reference.stress` has these arguments with exact values.  The table in
 `benchmarks/results/numerical_stress.md` is computed from the same checks.
@@ -50,13 +50,13 @@ def test_an_error_of_ten_ulps_would_be_found(monkeypatch):
 
 
 def test_layers_that_hide_nearly_all_keep_their_digits():
-    # ln T of T = 10^-247 is -569: one unit in its last place changes T by 256 units.
+    # For T = 10^-247, ln T is -569. A change of its last digit by one unit changes T by 256 units.
     walls = stress.STANDS["a wall of walls"]
     clear = math.prod((1 - Fraction(density) for _, _, density, _ in walls), start=Fraction(1))
     model = LayeredModel([Layer(*wall) for wall in walls], 50.0)
     assert exact.ulps(model.transparency, clear) < 4
     logarithm = Slices([Layer(*wall) for wall in walls], 50.0).log_transparency
-    # the product of transparencies is used instead
+    # The product of transparencies is used instead.
     assert exact.ulps(math.exp(logarithm), clear) > 20
 
 

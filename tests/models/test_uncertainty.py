@@ -1,4 +1,6 @@
-"""Standard errors compared with fields of known variance, and with forests of the same kind."""
+"""Standard errors, compared with fields of known variance, and with random forests of the same
+kind.
+"""
 
 import csv
 import math
@@ -57,7 +59,8 @@ def test_errors_are_the_scatter_of_fields_of_blocks(block, cell):
     errors = [of_targets(field, cell) for field in fields[:60]]
     for index, name in enumerate(("density", "expected", "normalized")):
         stated = math.sqrt(np.mean([getattr(error, name) ** 2 for error in errors]))
-        # The standard deviation has an error of 4 %; with few blocks, noise increases the range.
+        # The standard deviation has an error of 4 %. With few blocks, noise makes the integral
+        # range too large.
         assert 0.88 < stated / scatter[index] < (1.2 if block < 8 else 1.35), name
     assert {error.method for error in errors} == {"integral range"}
 
@@ -216,7 +219,9 @@ def test_parts_add_up_by_their_squares():
 
 
 def test_clumps_that_pulses_do_not_resolve_are_those_of_the_benchmark():
-    """The biases equal the means over generated stands with calibrated energies, by pulse density."""
+    """For each pulse density, the biases equal the means over generated stands with calibrated
+    energies.
+    """
     with (Path(__file__).parents[2] / "benchmarks/results/opacity.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if row["opacity"] == "pulses, intensity"]
     for dense in (False, True):
@@ -228,7 +233,9 @@ def test_clumps_that_pulses_do_not_resolve_are_those_of_the_benchmark():
 
 
 def test_apertures_at_several_places_add_what_differs_between_them():
-    """For fields that differ only in their means, the error is the standard deviation of the means."""
+    """If the fields differ only in their means, the error is the standard deviation of these
+    means.
+    """
     fields = [np.full((8, 8), value) for value in (0.2, 0.4, 0.5, 0.7)]
     errors = of_apertures(fields)
     assert errors.density == pytest.approx(PERSPECTIVE * np.std([0.2, 0.4, 0.5, 0.7], ddof=1))
@@ -258,7 +265,7 @@ def test_errors_in_perspective_are_the_scatter_of_forests_of_the_same_kind():
 
 
 def test_targets_of_moved_apertures_are_at_their_places_of_the_plot():
-    """Below one distant camera, all apertures hide the same places of the plot."""
+    """For a single distant camera, all apertures hide the same places of the plot."""
     forest = clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5)
     model = MeasuredModel(forest, 1e9, view="perspective")
     columns = forest.occupied.any(axis=0)
@@ -268,7 +275,9 @@ def test_targets_of_moved_apertures_are_at_their_places_of_the_plot():
 
 @pytest.mark.parametrize("source", ["pulses", "voxels"])
 def test_the_errors_of_a_plan_contain_its_opacity(tmp_path, source):
-    """The error is the difference of both bounds, or the difference to voxels of twice the size."""
+    """The error follows from the difference of both bounds, or from the difference to voxels of
+    twice the size.
+    """
     rng = np.random.default_rng(3)
     middle = rng.random((40, 64, 64)) < 0.02
     thin, dense = (

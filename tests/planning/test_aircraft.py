@@ -1,4 +1,6 @@
-"""Drone, autopilot, camera trigger and payload of a request, and contradictions between them."""
+"""Tests of drone, autopilot, camera trigger and payload of a request, and of contradictions between
+them.
+"""
 
 import pytest
 

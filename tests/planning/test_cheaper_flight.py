@@ -1,4 +1,4 @@
-"""Plans that take hours suggest a shorter flight, which is shorter."""
+"""The hint of a plan that takes hours suggests a flight that takes less time."""
 
 import re
 

@@ -1,4 +1,6 @@
-"""The argument of `--crop`, and the part of a cloud that a plan uses without it."""
+"""Tests of the argument of `--crop`, and of the part of a cloud that a plan uses without this
+option.
+"""
 
 import json
 import math

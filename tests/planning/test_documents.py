@@ -1,4 +1,6 @@
-"""Documents from files: valid ones are read, errors name their place, and schemas are valid."""
+"""Documents from files: valid documents are read, errors give their place, and schemas are
+valid.
+"""
 
 import json
 from functools import cache
@@ -270,7 +272,7 @@ def test_the_request_schema_refuses_what_the_program_refuses(tmp_path, table):
         request_from({"altitude": 40} | read_request(str(path)))
 
 
-# Values that pydantic could convert to a number, but that are not allowed
+# Values that pydantic can convert to a number, but that are not allowed
 
 
 def taken(read, write, tables):

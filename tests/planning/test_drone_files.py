@@ -1,4 +1,4 @@
-"""Drone files are looked for beside the file that names them, as other files are."""
+"""Like other files, drone files are looked for in the folder of the file that names them."""
 
 import json
 from pathlib import Path
@@ -27,7 +27,7 @@ image_height_px = 512
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder with a drone, its camera and a request; the current folder is another one."""
+    """A folder with a drone, its camera and a request.  The current folder is a different one."""
     place = tmp_path / "missions"
     place.mkdir()
     (place / "ours.toml").write_text(DRONE)
@@ -63,7 +63,7 @@ def test_of_a_sweep(folder):
 def test_of_python(folder):
     found = aosplan.plan(altitude=40, drone="ours.toml", folder=folder)
     assert found.settings.transit_mps == 6.5
-    # An earlier plan knows the folder of its files.
+    # A `Plan` has the folder of its files.
     again = aosplan.plan(found, vhat=0.9)
     assert again.camera.focal_length_mm == 9.0
     assert again.solution.pattern.samples < found.solution.pattern.samples

@@ -13,7 +13,7 @@ from aosplan.planning.least_time import FlownLines, least_time_s
 from aosplan.planning.resolve import resolve_inputs
 
 GRIDS = [(1, 8, 3.0), (2, 5, 4.0), (3, 4, 2.5), (4, 3, 1.5)]
-"""Rows, columns and baseline [m] of grids; lanes are two baselines apart."""
+"""Rows, columns and baseline [m] of grids.  Lanes are two baselines apart."""
 
 
 def request_of(rows, columns, baseline, **values):

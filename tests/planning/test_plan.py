@@ -1,4 +1,4 @@
-"""Planning as a library: advice that works, and grids as described."""
+"""Planning with Python: hints lead to valid plans, and grids have the described properties."""
 
 import json
 import math
@@ -56,7 +56,7 @@ def test_a_sound_plan_has_no_warnings():
     assert codes(planned()) == []
 
 
-# Advice
+# Hints
 
 
 def test_a_grid_wider_than_the_footprint_is_warned_of():
@@ -90,7 +90,7 @@ def test_the_altitude_that_is_said_to_leave_common_ground_does(grid):
 def test_common_ground_is_what_all_photos_see():
     result = planned(samples=20, baseline=3, heading=0)
     length, width = result.camera.footprint_m(40)
-    # At heading north, the length of the image is along north and its width along east.
+    # At the heading 0, the height of the image is along north and its width is along east.
     north = (
         min(n for _, n in places_of(result))
         + length / 2
@@ -260,12 +260,13 @@ def test_the_focal_height_adds_to_the_altitude_of_the_waypoints():
 def test_a_focal_plane_inside_the_canopy_leaves_the_occluders_above_it():
     low, high = (planned(focal_height=height, vhat=0.9, **UNIFORM) for height in (0, 11))
     whole, half = low.solution.prediction.density, high.solution.prediction.density
-    # Half of the volume is above 11 m, so its transparency is the square root of the whole.
+    # Half of the volume is above 11 m. The transparency of this half is the square root of that of
+    # the whole volume.
     assert 1 - half == pytest.approx(math.sqrt(1 - whole), rel=1e-12)
 
 
 def test_a_focal_plane_below_the_canopy_lowers_every_occluder():
-    # The occluder at the 2 % quantile, at 2.36 m, is 1.36 m above a plane at 1 m.
+    # The 2 % quantile of the heights of occluders is 2.36 m, which is 1.36 m above a plane at 1 m.
     low, high = (planned(focal_height=height, vhat=0.9, **UNIFORM) for height in (0, 1))
     assert low.solution.baseline_m == pytest.approx(0.2 * 40 / 2.36, rel=1e-12)
     assert high.solution.baseline_m == pytest.approx(0.2 * 40 / 1.36, rel=1e-12)

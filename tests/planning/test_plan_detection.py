@@ -1,4 +1,4 @@
-"""Detection in a plan: the model's numbers, the text, refusals and warnings."""
+"""Detection in a plan: tests of the numbers of the model, the text, the errors and the warnings."""
 
 import pytest
 

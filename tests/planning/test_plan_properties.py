@@ -26,8 +26,8 @@ def extents(result, heading):
 
 
 def optimized():
-    """Kinds of grid, objectives and bounds; the search for the smallest aperture of a spiral is
-    slow.
+    """Combinations of kinds of grid, objectives and bounds.  Spirals with the smallest aperture are
+    left out, because their search is slow.
     """
     for grid in GRIDS:
         for objective in ("samples", "aperture", "time"):
@@ -69,7 +69,7 @@ def test_flight_length_and_time_are_sums_over_the_waypoints(grid):
     time = hold * len(result.waypoints)
     for leg in legs:
         ramp = speed / acceleration
-        if leg >= speed * ramp:  # accelerates, cruises, and decelerates
+        if leg >= speed * ramp:  # The drone accelerates, flies at constant speed, and decelerates.
             time += 2 * ramp + (leg - speed * ramp) / speed
         else:
             time += 2 * math.sqrt(leg / acceleration)
@@ -133,8 +133,8 @@ def scaled(values, factor):
 @settings(max_examples=20)
 @given(scene=scenes, options=bounds, exponent=st.integers(-6, 6))
 def test_scaling_every_length_scales_the_baseline_and_nothing_else(scene, options, exponent):
-    # Scaling by powers of two is exact, so the last digit must not change either.  The size of an
-    # occluder in pixels does not change with the scale.
+    # Scaling by powers of two is exact, so that even the last digit must not change. The size of an
+    # occluder in pixels does not depend on the scale.
     factor = 2.0**exponent
     # number of slices of the layered model
     assume(scene["volume_height"] / scene["occluder_size"] < 40)
@@ -175,7 +175,7 @@ def test_absolute_targets_are_reached_or_refused_where_they_cannot_be(scene, vis
             PlanRequest(**scene, visibility=visibility, baseline=500.0, allow_no_common_ground=True)
         )
     except InfeasibleError:
-        # The target is above 1 - p², or so close to it that it needs too many samples.
+        # The target is greater than 1 - p², or so close to 1 - p² that it needs too many samples.
         assert p * (1 - p) / 5_000_000 >= (1 - p * p) - visibility
     else:
         assert result.solution.prediction.expected >= visibility - 1e-12

@@ -1,4 +1,6 @@
-"""Requests of random values: each makes a request or one line, and its document makes it again."""
+"""Requests with random values: the result is a request or an error of one line.  The document of a
+request gives the same request again.
+"""
 
 import json
 
@@ -10,7 +12,7 @@ from aosplan.planning.request import BY_NAME, PlanRequest, request_from
 
 
 def outcome(make, *arguments, **values):
-    """The result, or an error of aosplan; any other exception is raised."""
+    """The result, or an error of aosplan.  Any other exception is raised."""
     try:
         return make(*arguments, **values)
     except RequestError as error:

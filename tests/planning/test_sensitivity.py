@@ -24,8 +24,8 @@ def changes(**options):
 
 
 def check(change, planned, changed):
-    """Check a change against the planned grid in the changed scene and the changed scene's own
-    plan.
+    """Compare a change with the planned grid in the changed scene, and with a plan for the changed
+    scene.
     """
     grid = planned.solution
     fixed = {"baseline": grid.baseline_m, "samples": grid.pattern.samples}
@@ -96,7 +96,7 @@ def test_layers_are_changed_one_by_one(tmp_path):
 
 def test_a_change_that_leaves_no_plan_says_why():
     _, found = changes(altitude=40, max_aperture=20, max_samples=50)
-    wide = found["height", 0.8]  # lower occluders need a wider aperture
+    wide = found["height", 0.8]  # Lower occluders need a wider aperture.
     assert (wide.samples, wide.baseline_m) == (None, None)
     assert wide.visibility is not None
     assert "out of reach" in wide.reason
@@ -126,7 +126,8 @@ def forest():
 
 
 def test_sizes_and_heights_of_voxels_are_altitudes(forest):
-    # A plot of twice the width, with four voxels for each one, and a plot of twice the height.
+    # A plot of twice the width, in which each voxel is replaced by four, and a plot of twice the
+    # height.
     pattern = Pattern(4, 3)
     wide = VoxelVolume(forest.occupied.repeat(2, axis=1).repeat(2, axis=2), 0.5)
     stretched = MeasuredModel(wide, 50.0, targets_per_voxel=2).predict(pattern, 2.0)

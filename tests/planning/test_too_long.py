@@ -1,4 +1,6 @@
-"""A line that is too long for a battery: the hint has the numbers of what makes it shorter."""
+"""A line that is too long for a battery: the hint has values of options with which it is short
+enough.
+"""
 
 import math
 import re
@@ -27,7 +29,7 @@ def test_each_remedy_of_a_long_line_is_enough_by_its_number():
     enough = plan(PlanRequest(**(LINE | {"flight_time": 1.001 * takes})))
     assert len(enough.route.flights) == 1
     assert refused(flight_time=0.999 * takes).hint
-    # Lines of that length, run-in and run-out and their last photo included.
+    # A line of this length, including run-in, run-out and its last photo.
     around = 2.0 * enough.route.timing.run_in_m + enough.solution.baseline_m
     shorter = plan(PlanRequest(**(LINE | {"line_length": longest - around})))
     assert max(flight.time_s for flight in shorter.route.flights) <= 300.0
@@ -45,7 +47,7 @@ def test_the_ways_there_and_back_have_their_share():
     )
     assert level == pytest.approx(1112.0, abs=900.0)
     assert speed == 10.0
-    # Two ways of that length at that speed, a climb and a descent.
+    # Two paths of this length at this speed, plus a climb and a descent.
     assert minutes * 60.0 >= 2.0 * (level - 900.0) / speed
     assert minutes * 60.0 <= 2.0 * (level / speed + speed / 2.0 + 60.0 / 6.0 + 3.0)
 

@@ -1,4 +1,4 @@
-"""The user's own defaults: which values are used, and what overrides them."""
+"""The user's own defaults: tests of the values that are used, and of options that override them."""
 
 import json
 import os
@@ -30,7 +30,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def mine(folder):
-    """The file with the user's own defaults, at the place where it is read."""
+    """The file with the user's own defaults, at its usual place."""
     path = folder / ".config" / "aosplan" / "defaults.toml"
     path.parent.mkdir(parents=True)
     path.write_text(MINE)
@@ -58,7 +58,7 @@ def refused(capsys, *arguments):
     return err
 
 
-# Places of the file
+# The place of the file
 
 
 @pytest.mark.parametrize(
@@ -239,7 +239,7 @@ def test_without_a_file_it_costs_one_look(folder):
     assert done.stdout == "[] False False\n"
 
 
-# Layers of values
+# Several layers of values
 
 VALUES = {
     "altitude": 40.0,
@@ -287,7 +287,8 @@ def test_defaults_never_contradict_what_is_asked_for(own, asked):
     for name, value in asked.items():
         assert getattr(found, name) == value
     alone = {n for n in own if n not in asked and getattr(found, n) != own[n]}
-    # Defaults that are not used contradict an option, or need another one that is not given.
+    # A default is not used if it contradicts an option, or if it needs another option that is not
+    # given.
     contradicted = {"altitude", "gsd", "vhat", "visibility", "camera", "speed", "flight_time"}
     unpaired = {"takeoff", "max_blur", "lanes"}
     assert alone <= contradicted | unpaired

@@ -1,4 +1,4 @@
-"""Values that are chosen to fit into a time."""
+"""Tests of the options that are chosen so that a flight fits into a time."""
 
 import itertools
 from dataclasses import replace
@@ -13,7 +13,7 @@ from aosplan.planning.within import WithinSearch
 from aosplan.planning.within_altitude import NEARLY
 
 HARD = {"scene": "dense-forest", "find": "person", "optimize": "detection", "drone": "dji-m3t"}
-"""A search that does not find all targets."""
+"""Options of a search in which not all targets can be found."""
 
 
 def searched(**values):
@@ -71,7 +71,9 @@ def test_at_one_place_all_photos_show_the_target():
 
 @pytest.mark.parametrize("trigger", ["stop", "distance"])
 def test_no_grid_of_the_same_options_is_better_at_one_place(trigger):
-    """Compared with all lanes that fit: rows, columns and spacing."""
+    """The plan is compared with all lanes that fit into the time, for all rows, columns and
+    spacings.
+    """
     best = searched(within=0.7, trigger=trigger)
     x, y = best.camera.footprint_m(60.0)
     for rows, columns, pitch in itertools.product((1, 2, 4), (3, 6, 10), (1.0, 2.0)):

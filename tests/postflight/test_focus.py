@@ -60,7 +60,7 @@ def test_agreement_is_the_mean_correlation_of_all_halves():
         one, other = views[order[:6]].mean(axis=0), views[order[6:]].mean(axis=0)
         halves.append((one * other).mean() / np.sqrt((one**2).mean() * (other**2).mean()))
     error = np.std(halves) / np.sqrt(len(halves))
-    # The ratio of means and the mean of ratios differ by much less than the halves do.
+    # The ratio of means and the mean of ratios differ much less than the results of the halves.
     assert agreement(sums).value == pytest.approx(np.mean(halves), abs=4 * error + 2e-3)
 
 
@@ -77,14 +77,14 @@ def test_growth_and_turn_are_told_from_the_rest():
     shifts[7] += 50.0
     clear = np.arange(30) != 7
     fit = fitted(shifts, clear, positions)
-    # Positions are relative to the mean of all, so leaving the seventh out only changes the
-    # constant.
+    # Positions are relative to the mean of all positions. Leaving out the seventh one therefore
+    # changes only the constant.
     assert (fit.growth, fit.turn_rad) == pytest.approx((0.02, 0.05))
     assert np.abs(fit.rest_m).max() < 1e-9
 
 
 def recorded(folder, height=0.0, crowns=None):
-    """Poses and images of the textured ground at a height, with optional crowns above it."""
+    """Poses and images of the textured ground at a given height.  There may be crowns above it."""
     views = [(nadir_to(10.0 * k), np.array([*site, 40.0])) for k, site in enumerate(SITES)]
     images = []
     for rotation, position in views:
@@ -123,8 +123,8 @@ def test_ground_and_crowns_are_two_peaks(folder):
     ],
 )
 def test_the_ground_is_found_below_cameras_at_any_height(folder, sea_m):
-    # Poses above sea level, or in the system of a reconstruction; the images have black borders, a
-    # logo and a fixed pattern, which agree on planes that are far away.
+    # Poses are above sea level or in the system of a reconstruction. The images have black borders,
+    # a logo and a fixed pattern, which would agree on planes that are far away.
     rng = np.random.default_rng(8)
     fixed = rng.normal(0.0, 12.0, (120, 160))
     views, images = [], []
@@ -149,11 +149,11 @@ def test_what_is_the_same_in_all_images_is_left_out(folder):
     assert max(np.abs(detail.pixels).max() for detail in details_of(recording.sources)) < 1e-5
 
 
-# Photos whose tags are wrong
+# Photos with errors in their metadata
 
 
 def fly(folder, *, yaw_bias=0.0, height_error=0.0, off_m=0.0, seed=4):
-    """Write photos whose tags have given errors, and return the errors of the positions."""
+    """Write photos whose metadata have given errors, and return the errors of the positions."""
     noise = np.random.default_rng(seed).normal(0.0, off_m, (len(SITES), 2))
     (folder / "photos").mkdir()
     for index, (site, error) in enumerate(zip(SITES, noise, strict=True)):
@@ -177,7 +177,7 @@ def test_positions_come_back_but_for_what_nothing_tells(folder):
     noise = fly(folder, yaw_bias=3.0, height_error=2.0, off_m=0.5)
     recording = Recording("photos")
     found = find_focus(recording, np.arange(25), align="positions")
-    # Photos do not show a common shift, rotation or scale of all positions.
+    # Photos do not contain information about a common shift, rotation or scale of all positions.
     rest = fitted(noise, np.ones(25, bool), np.array(SITES)).rest_m
     left = fitted(found.correction.shifts_m + noise, np.ones(25, bool), np.array(SITES)).rest_m
     assert np.sqrt((rest**2).mean()) > 0.4
@@ -190,7 +190,9 @@ def test_positions_come_back_but_for_what_nothing_tells(folder):
 
 @pytest.mark.slow
 def test_the_simulated_drone_comes_into_focus(folder):
-    """The tutorial's flight with a wrong compass, barometer and GNSS, compared with its true poses."""
+    """The flight of the tutorial has errors of compass, barometer and GNSS.  It is compared with
+    its true poses.
+    """
     plan = tutorial(folder)
     true = Recording("recording/poses.json", "recording/images")
     raster = Raster.over((-6.0, -6.0, 6.0, 6.0), 0.125)
@@ -203,8 +205,8 @@ def test_the_simulated_drone_comes_into_focus(folder):
     assert abs(found.ground.place - 2.0) < 2 * found.ground.deviation < 1.6
     assert abs(found.correction.yaw_deg + 3.0) < 2 * found.yaw_deviation_deg < 2.0
     assert found.crowns.place - found.ground.place == pytest.approx(12.0, abs=1.0)
-    # The common position, scale and rotation are taken from the truth, because photos do not show
-    # them.
+    # The common position, scale and rotation are taken from the true poses, because photos do not
+    # contain them.
     views = found.correction.applied(recording.views, np.eye(3))
     sites = np.array([(place["east_m"], place["north_m"]) for place in plan["waypoints"]])
     there = np.array([view.position for view in views])

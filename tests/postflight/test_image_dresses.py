@@ -1,4 +1,6 @@
-"""One image in many formats (bits, signs, bands, planes), and poses that do not match their images."""
+"""The same image in many formats (bits, signs, bands, planes), and poses that do not match their
+images.
+"""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Integral images of recordings, compared with planes whose pixels are known."""
+"""Integral images of recordings, compared with planes whose true pixels are known."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,9 @@ PINHOLE = f"1 PINHOLE {WIDTH} {HEIGHT} {FOCAL} {FOCAL} {WIDTH / 2} {HEIGHT / 2}"
 
 
 def bilinear_error(gsd_m):
-    """Largest error of bilinear interpolation of the texture: an eighth of its second derivatives."""
+    """Largest error of bilinear interpolation of the texture.  It is one eighth of the second
+    derivatives times the square of the pixel size.
+    """
     # d²/dx² is at most 44 (2.1² + 0.7²), d²/dy² at most 44 (1.3² + 1.1²); photos may be rotated.
     return gsd_m**2 / 8.0 * 44.0 * (2.1**2 + 0.7**2 + 1.3**2 + 1.1**2)
 
@@ -53,8 +55,8 @@ def test_the_integral_of_unoccluded_views_is_the_plane(tmp_path):
     seen = found.seen(1)
     assert seen.mean() > 0.95
     error = np.abs(found.values[..., 0] - truth(raster))[seen]
-    # From 30 m and up to a corner of the image, a pixel is at most 0.25 m.
-    # Within half a pixel of an image's edge the last pixel is repeated.
+    # From 30 m, a pixel is at most 0.25 m, even at a corner of the image. Within half a pixel of an
+    # image's edge, the last pixel is repeated.
     assert np.quantile(error, 0.99) < bilinear_error(0.25)
     assert error.mean() < 0.5 * bilinear_error(0.25)
 
@@ -166,7 +168,7 @@ def test_the_fewest_views_of_a_pixel(text, views, expected):
 
 
 def test_the_horizon_does_not_come_back_from_behind(tmp_path):
-    # At 75 degrees off nadir, a part of the image is sky.
+    # If the camera is tilted by 75 degrees, part of the image is sky.
     view = nadir_to(0.0, 75.0), np.array([0.0, 0.0, 10.0])
     _, y, ahead = on_plane(*view)
     assert 0.05 < ahead.mean() < 0.95
@@ -224,9 +226,9 @@ def test_a_jpeg_may_be_decoded_smaller_for_a_coarse_raster(tmp_path, monkeypatch
     assert blocks == [4, 1]
     both = (small.coverage > 0) & (full.coverage > 0)
     assert both.mean() > 0.8
-    assert (small.coverage != full.coverage).mean() < 0.03  # a rest of up to 3 pixels at two edges
-    # Blocks of 4 and of 5 pixels are means of different pixels, so the noise of 12 differs by about
-    # 12 sqrt(1 / 16 + 1 / 25) before interpolation; the picture itself does not move.
+    assert (small.coverage != full.coverage).mean() < 0.03  # At two edges, up to 3 pixels remain.
+    # Blocks of 4 and of 5 pixels are means of different pixels. With noise of 12, they differ by
+    # about 12 sqrt(1 / 16 + 1 / 25) before interpolation. The picture itself is not shifted.
     off = (small.values - full.values)[both].mean(axis=-1)
     assert np.sqrt(np.mean(off**2)) < 4.0
     assert np.abs(shift_px(small.values[..., 0], full.values[..., 0], both)).max() < 0.03
@@ -290,7 +292,7 @@ def test_ignoring_the_distortion_would_be_found(tmp_path):
 
 
 def test_beyond_the_fold_of_a_lens_nothing_is_seen():
-    # r (1 - 0.3 r²) has a maximum at r = 1.054; rays farther out would be mapped into the image
+    # r (1 - 0.3 r²) has a maximum at r = 1.054. Rays with a larger r would be mapped into the image
     # again.
     lens = LENS._replace(k1=-0.3)
     x, _ = lens.distorted(np.array([0.5, 1.0, 1.1, 1.8]), np.zeros(4))
@@ -321,8 +323,8 @@ def test_either_file_of_a_reconstruction_will_do(tmp_path):
 
 
 def test_poses_as_the_aos_project_publishes_them(tmp_path):
-    # From its open-field recording: 27 m above a start at 285.48 m, z down; some files have numbers
-    # as text.
+    # The values are from the open-field recording of the AOS project: 27 m above a start at 285.48
+    # m, with z downwards. In some files, numbers are text.
     text = """{"images": [
       {"imagefile": "31.png", "M3x4": [
         [0.9945218953682733, -0.10452846326765342, -0.0, -3.1725731711559653],

@@ -48,8 +48,8 @@ def test_a_pitch_keeps_as_many_as_fit_so_far_apart(points, pitch):
     kept = chosen(ViewSubset(pitch_m=pitch), names(len(points)), positions)
     distances = np.hypot(*(positions[:, None] - positions[kept][None]).T)
     among = distances[:, kept][~np.eye(len(kept), dtype=bool)]
-    assert (among >= pitch * (1 - 1e-8)).all()  # all are far enough apart
-    assert (distances.min(axis=0) <= pitch).all()  # and no other one could be added
+    assert (among >= pitch * (1 - 1e-8)).all()  # All chosen views are far enough apart,
+    assert (distances.min(axis=0) <= pitch).all()  # and no other view could be added.
 
 
 @pytest.mark.parametrize(("pitch", "count"), [(2.0, 81), (2.8, 41), (4.0, 25), (100.0, 1)])

@@ -1,4 +1,6 @@
-"""Poses from the tags of photos, from OpenDroneMap and from COLMAP: a folder becomes an image."""
+"""Poses from the metadata of photos, from OpenDroneMap and from COLMAP, up to the integral image of
+a folder.
+"""
 
 import json
 import struct
@@ -45,7 +47,7 @@ def test_a_camera_turns_as_scipy_turns_it(angles):
 def test_the_top_of_a_photo_straight_down_points_to_its_yaw():
     right, down, forward = camera_rotation(90.0, -90.0, 0.0)
     assert forward == pytest.approx([0, 0, -1], abs=1e-12)
-    assert -down == pytest.approx([1, 0, 0], abs=1e-12)  # the top of the image is in the east
+    assert -down == pytest.approx([1, 0, 0], abs=1e-12)  # The top of the image is in the east.
     assert right == pytest.approx([0, -1, 0], abs=1e-12)
 
 
@@ -61,7 +63,8 @@ def test_a_folder_of_photos_is_the_plane_that_they_show(folder):
     found = recording.integrate(ViewSubset(), raster).values[..., 0]
     x, y = recording.georeference.to_world(*ORIGIN)
     wanted = truth(raster, shade=lambda u, v: texture(u - x, v - y))
-    assert np.abs(found - wanted).mean() < 1.5  # of 256 grey values, for JPEGs
+    # The tolerance is in grey values (of 256), because JPEG is lossy.
+    assert np.abs(found - wanted).mean() < 1.5
 
 
 @pytest.mark.parametrize("dialect", ["AUTEL", "PARROT", "PIX4D", "SKYDIO"])

@@ -1,4 +1,4 @@
-"""Positions of photos from EXIF and XMP as cameras write them, and from faulty ones."""
+"""Positions of photos from EXIF and XMP as cameras write them, and from faulty metadata."""
 
 import pytest
 from support.geotagged import photo, rational

@@ -1,4 +1,4 @@
-"""Positions read back from written files, and from malicious files."""
+"""Reading of positions from files that aosplan has written, and from malicious files."""
 
 import csv
 import io
@@ -38,7 +38,7 @@ def file_of(folder, mission, name):
 @given(mission=missions)
 @settings(max_examples=20)
 def test_places_read_back_are_the_sites_with_photos(tmp_path_factory, name, mission):
-    # Photos in passing are read from the ends of their lines, which the next test covers.
+    # Photos while flying are computed from the ends of their lines. The next test checks these.
     mission = mission._replace(settings=mission.settings._replace(trigger="stop"))
     path = file_of(tmp_path_factory.mktemp("places"), mission, name)
     found = read_places(path)

@@ -1,4 +1,6 @@
-"""The offset between a plan and its photos is found if photos are missing or belong to no site."""
+"""The offset between a plan and its photos is found, even if photos are missing or belong to no
+site.
+"""
 
 import numpy as np
 import pytest
@@ -46,12 +48,15 @@ def test_a_flight_that_broke_off_is_laid_on_the_first_sites(kind):
     flown = len(sites) // 2
     found = registered(sites, sites[:flown] + OFFSET_M, 0.5 * PITCH_M)
     assert found.offset_m == pytest.approx(OFFSET_M, abs=1e-9)
-    # Only the order of the flight distinguishes it from the same sites farther along.
+    # Only the order of the flight distinguishes this offset from one with the same sites farther
+    # along the line.
     assert found.alike > 1
 
 
 def test_of_whole_lines_all_shifts_are_compared_with_enumeration():
-    """All shifts that move some site to some photo, with the number of sites that they match."""
+    """Enumeration compares all shifts that move a site to a photo, by the number of sites that they
+    match.
+    """
     source = np.random.default_rng(5)
     for _ in range(30):
         sites = sites_of(int(source.integers(2, 25)))

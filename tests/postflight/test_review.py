@@ -1,5 +1,5 @@
-"""Review of a flight: missing sites are found, the flown sites are predicted, and the missing ones
-are planned again.
+"""Review of a flight: missing sites are found, the visibility of the flown sites is predicted, and
+a flight to the missing sites is planned.
 """
 
 import json
@@ -270,7 +270,7 @@ def test_an_area_has_its_missing_sites_and_a_top_up_around_its_zones(tmp_path, c
     zones = detour.NoFlyZones(area.keep_out)
     sites = np.array([(way["east_m"], way["north_m"]) for way in ways])
     apart = zones.cross(np.repeat(sites[:1], len(sites), axis=0), sites)
-    gone = [ways[0], ways[np.flatnonzero(apart)[0]]]  # the mast is between them
+    gone = [ways[0], ways[np.flatnonzero(apart)[0]]]  # The mast is between the two sites.
     points = [(way["latitude"], way["longitude"]) for way in ways if way not in gone]
     csv_of(tmp_path / "f.csv", points, "latitude,longitude")
     status, text, _ = command("review", "f.csv", *line, "--out", "top.csv", "--json")
@@ -404,8 +404,8 @@ FEW_SLICES = {"integrated_density": 0.8, "occluder_size": 0.5, "volume_height": 
 def test_what_was_flown_finds_less_than_planned_and_the_top_up_as_much(tmp_path):
     request = PlanRequest(altitude=40, samples=36, baseline=2.0, **FEW_SLICES, **FOUND)
     planned = plan(request)
-    # The last lines are missing; if every second photo were missing, as many targets would be
-    # found.
+    # The last lines are missing. If instead every second photo were missing, about as many targets
+    # would be found as in the plan.
     half = without(sites_of(planned), range(12, 36))
     found = reviewed(tmp_path / "flown.csv", half, request)
     assert found.detection.planned == planned.detection.probability

@@ -1,4 +1,4 @@
-"""Focal surfaces, stacks, films and filters, compared with recordings whose content is known."""
+"""Focal surfaces, stacks, animations and filters, tested with recordings whose content is known."""
 
 import json
 from functools import partial
@@ -33,7 +33,7 @@ def command(command):
 
 
 def sloping(position):
-    """A vertical photo of ground that rises by `SLOPE`, computed by tracing each ray."""
+    """A vertical photo of ground with the slope `SLOPE`, computed by tracing each ray."""
     column, row = np.meshgrid(np.arange(160) + 0.5, np.arange(120) + 0.5)
     dx, dy = (column - 80.0) / 150.0, -(row - 60.0) / 150.0  # per metre of descent
     rise = SLOPE[0] * dx + SLOPE[1] * dy
@@ -72,7 +72,8 @@ def shifted(recording):
 def test_a_tilted_plane_and_an_elevation_model_are_the_ground(folder):
     fly(folder)
     write_dem(folder / "dem.tif")
-    # The take-off is below the first photo, where the slope is this much lower than in the middle.
+    # The take-off point is below the first photo. There, the ground is lower than in the middle by
+    # this height.
     first = SLOPE[0] * SITES[0][0] + SLOPE[1] * SITES[0][1]
     tilted = Recording("photos", slope=SLOPE)
     model = Recording("photos", focal_height_m=first)
@@ -118,7 +119,8 @@ def test_exposures_come_together(folder):
     for source, image in zip(recording.sources, images, strict=True):
         changed = adjust(source, Picture(image[..., None], None, is_byte=True)).pixels
         brightness.append(changed.mean() / (image.mean() / gains[len(brightness)]))
-    # After the correction, brightnesses agree except for differences of what the photos show.
+    # After the correction, brightnesses agree, except for differences because the photos show
+    # different ground.
     assert np.std(brightness) / np.mean(brightness) < 0.1 < np.std(gains)
 
 
@@ -144,7 +146,7 @@ def test_feathered_photos_leave_no_seam(folder):
         recording.integrate(ViewSubset(), raster, adjust=a).values for a in (None, faded)
     )
     steps = [np.abs(np.diff(image[10, :, 0])).max() for image in (plain, soft)]
-    assert steps[0] == pytest.approx(30.0)  # from one photo to the mean of both
+    assert steps[0] == pytest.approx(30.0)  # This is the ratio of one photo to the mean of both.
     assert steps[1] < 10.0
 
 

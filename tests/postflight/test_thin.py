@@ -1,4 +1,4 @@
-"""Selection of views, compared with all selections, and with necessary properties."""
+"""Selection of views, compared with all possible selections, and with necessary properties."""
 
 import csv
 import json
@@ -156,7 +156,9 @@ def test_choices_for_similarity_are_near_the_best_of_all_choices(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_on_another_stand_the_choice_is_more_similar_than_random_ones(seed):
-    """The views are chosen with the model of one stand and judged by the rays of another."""
+    """The views are chosen with the model of one stand and evaluated with the rays of another
+    stand.
+    """
     rng = np.random.default_rng(seed)
     judged, known = (
         clumped_forest(STANDS["beech"]._replace(seed=20 + 2 * seed + k), side_m=16.0, voxel_m=0.5)
@@ -189,7 +191,7 @@ MODELS = {
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("baseline", [0.7, 1.9, 2.7])
 def test_correlations_are_those_behind_the_models_predictions(name, baseline):
-    # For two views K = (1 + c)/2; columns are along the heading, which is north.
+    # For two views, K = (1 + c)/2. Columns are along the heading, which is north.
     model = MODELS[name]
     pair = 2.0 * model.predict(Pattern(1, 2), baseline).shortfall - 1.0
     along = (0.0, baseline) if name == "correlogram" else (baseline, 0.0)
@@ -210,7 +212,8 @@ def test_positions_of_a_pattern_show_what_the_pattern_shows(name, kind, rays):
     pattern = pattern_for(kind, 23)
     points = 1.3 * np.array(list(pattern.offsets()))
     expected = model.predict(pattern, 1.3)
-    # Lengths of layered rays are interpolated between nodes, which differ for scattered positions.
+    # In the layered model, results are interpolated over the length of rays. For scattered
+    # positions, the nodes are different.
     assert tuple(model.predict_positions(points)) == pytest.approx(tuple(expected), rel=1e-6)
     assert model.hidden_at(points).mean() == pytest.approx(expected.density, rel=1e-9)
 
@@ -265,7 +268,7 @@ def test_504_views_are_thinned(recording, capsys, samples):
     assert found["all"]["shortfall"] == pytest.approx(
         slices_shortfall(turned, layers, 35.0), rel=1e-6
     )
-    # This number of views fits without shared occluders, so the bound is reached.
+    # This number of views is possible without shared occluders, so that the bound is reached.
     assert found["kept"]["shortfall"] == pytest.approx(1.0 / samples, rel=1e-3)
     assert found["bound"]["shortfall"] == 1.0 / samples
     rng = np.random.default_rng(0)
@@ -355,8 +358,9 @@ def test_a_choice_of_views_tells_what_it_finds(tmp_path):
     )
     found = thin_views(request, read_views(str(path), on_earth=False), 12)
     every, kept = found.detection
-    # Twelve views at the rim share less than all 36 do on average.  Searches of simulated slices
-    # find 0.14 of the targets with all views, and 0.20 with these.
+    # Twelve views at the rim share fewer occluders than all 36 views do on average. Searches of
+    # simulated slices find a share of 0.14 of the targets with all views, and 0.20 with these
+    # twelve.
     assert every == pytest.approx(0.14, abs=0.05)
     assert kept == pytest.approx(0.20, abs=0.05)
     assert kept > every

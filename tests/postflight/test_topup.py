@@ -20,7 +20,7 @@ MIDDLE = (48.3358, 14.3261)
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    """A plan over a square of 60 m, and the photos of a flight that lacks its last 40 sites."""
+    """A plan over a square of 60 m, and the photos of a flight without its last 40 sites."""
     folder = tmp_path_factory.mktemp("flown")
     side = [-30.0, 30.0, 30.0, -30.0, -30.0]
     latitude, longitude = to_wgs84(MIDDLE, side, [-30.0, -30.0, 30.0, 30.0, -30.0])
@@ -54,7 +54,7 @@ def test_a_top_up_within_a_time_lands_within_it_and_closes_part_of_the_gaps(flow
 
 
 def test_the_photos_with_the_largest_gain_are_taken(flown):
-    """All gain lies at a few sites in the middle of the path: they are in the flight."""
+    """Only a few sites in the middle of the path have a gain.  These sites are in the flight."""
     _, planned, _ = flown
     sites = list(range(len(planned.waypoints) - 40, len(planned.waypoints)))
     gains = np.zeros(40)

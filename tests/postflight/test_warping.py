@@ -17,7 +17,7 @@ NOISE = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3)).astype(np.
 
 
 def tilted(yaw_deg, tilt_deg, height_m=40.0):
-    """A camera above (3, -2) that looks down, tilted around its x axis."""
+    """A camera above (3, -2) that looks down and is then tilted around its x axis."""
     (cy, sy), (ct, st) = ((np.cos(a), np.sin(a)) for a in np.radians([yaw_deg, tilt_deg]))
     down = np.array([[cy, sy, 0.0], [sy, -cy, 0.0], [0.0, 0.0, -1.0]])
     rotation = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]]) @ down
@@ -25,7 +25,9 @@ def tilted(yaw_deg, tilt_deg, height_m=40.0):
 
 
 def expected(pixels, lens, view, raster, heights_m=0.0):
-    """The exact image on the raster, nan outside, from positions of its pixels in space."""
+    """The exact image on the raster, computed from the positions of its pixels in space.  It is nan
+    outside the image.
+    """
     x = raster.left_m + raster.gsd_m * (np.arange(raster.columns) + 0.5)
     y = raster.top_m - raster.gsd_m * (np.arange(raster.rows) + 0.5)
     x, y = np.meshgrid(x, y)
@@ -51,7 +53,7 @@ def assembled(pixels, lens, view, raster, relief_m=None):
         relief = warping.Relief(relief_m, heights_above(PLANE, view))
     for tile, values, inside in warping.warped(pixels, lens, ray, raster, relief):
         part = found[tile.slices]
-        assert np.isnan(part).all()  # tiles do not overlap
+        assert np.isnan(part).all()  # Tiles do not overlap.
         part[inside.view(bool)] = values[inside.view(bool)]
     return found
 

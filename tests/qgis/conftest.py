@@ -1,1 +1,1 @@
-collect_ignore = ["run_plugin.py"]  # runs in the Python of QGIS
+collect_ignore = ["run_plugin.py"]  # This file runs in the Python of QGIS.

@@ -33,7 +33,7 @@ plugin.initProcessing()
 
 
 class Feedback(QgsProcessingFeedback):
-    """Collects the lines of the log."""
+    """A log that collects its lines."""
 
     def __init__(self):
         super().__init__()

@@ -21,7 +21,9 @@ PACKAGE = ROOT / "qgis" / "package.py"
 
 @cache
 def python_of_qgis():
-    """The Python with QGIS: Debian's, or the one in the variable QGIS_PYTHON."""
+    """The Python interpreter with QGIS: that of Debian, or the one that the variable QGIS_PYTHON
+    names.
+    """
     candidate = os.environ.get("QGIS_PYTHON", "/usr/bin/python3")
     if shutil.which(candidate) is None:
         return None
@@ -121,7 +123,8 @@ def test_layers_are_those_of_the_plan_over_an_area(run, tmp_path):
     along, across = plan["camera"]["footprint_m"]
     for footprint in made["FOOTPRINTS"]:
         assert footprint["area_m2"] == pytest.approx(along * across, rel=1e-5)
-    # The first side is across the flight lines, which are 30° east of north: from left to right.
+    # The first side of the footprint is across the flight lines, from left to right. The flight
+    # lines point 30° east of north.
     west, south = made["FOOTPRINTS"][0]["shape"]["coordinates"][0][0]
     east, right = made["FOOTPRINTS"][0]["shape"]["coordinates"][0][3]
     assert east > west

@@ -1,14 +1,14 @@
-"""The paper's statistics in exact rational arithmetic, written from its text only.
+"""The paper's statistics in exact rational arithmetic, written from the text of the paper only.
 
-Nothing here imports aosplan, and nothing is rounded: arguments are the exact values of their
-floats, and results are fractions.  The paper's sums are added term by term.  Only `line_shortfall`
-uses formulas for sums of powers, so that it can be used for millions of samples; it is tested
-against the sums as printed.
+This module does not import aosplan, and its results are not rounded.  Arguments are the exact
+values of floats, and results are fractions.  The paper's sums are added term by term.  Only
+`line_shortfall` uses formulas for sums of powers, so that it can be used for millions of samples.
+It is compared with the printed sums in a test.
 
 Source: Kurmi, Schedl and Bimber (2019), Eq. 2 (`double_sum`), the appendix in one dimension
 (`appendix_sum`), and the covariances of the appendix for any positions (`pair_sum`).  Volumes of
-independent slices are computed by two methods: by their covariances (`layered_pair_sum`), and by
-listing every state of every cell (`enumerated_volume`), which uses no covariance.
+independent slices are computed by two methods.  `layered_pair_sum` uses covariances.
+`enumerated_volume` lists every state of every cell and does not use covariances.
 """
 
 import math
@@ -27,8 +27,8 @@ ZERO = Fraction(0)
 def ulps(value: float, exact: Fraction) -> float:
     """Distance of a float from an exact value, in units in the last place of that value.
 
-    For subnormal values a unit is the smallest float.  The distance is infinite if the float is not
-    finite.
+    For subnormal values, the unit is the smallest float.  The distance is infinite if the float is
+    not finite.
     """
     if not math.isfinite(value):
         return math.inf
@@ -41,7 +41,8 @@ def ulps(value: float, exact: Fraction) -> float:
 def double_sum(side: int, dhat: float | Fraction) -> Fraction:
     """The bracket of Eq. 2 as the paper prints it, N + 4 ΣΣ …, for N = side²."""
     d = Fraction(dhat)
-    # Multiplied by the square of the denominator of d̂, because whole numbers are added quickly.
+    # The terms are multiplied by the square of the denominator of d̂, because adding whole numbers
+    # is fast.
     step, unit = d.numerator, d.denominator
     total = 0
     for i in range(1, side):
@@ -63,7 +64,7 @@ def appendix_sum(samples: int, dhat: float | Fraction) -> Fraction:
     total = 0
     for i in range(1, samples + 1):
         if i * step >= unit:
-            break  # Max(0, …) is 0 from here on
+            break  # From here on, Max(0, …) is 0.
         total += (samples - i) * (unit - i * step)
     return (samples + Fraction(2 * total, unit)) / samples**2
 
@@ -78,7 +79,9 @@ def line_shortfall(samples: int, dhat: float | Fraction) -> Fraction:
 
 
 def grid_shortfall(rows: int, columns: int, dhat: float | Fraction) -> Fraction:
-    """K of a grid: the bracket of Eq. 2 over N² is a product with one factor for each axis."""
+    """K of a grid.  The bracket of Eq. 2 divided by N² is the product of one factor for each
+    axis.
+    """
     return line_shortfall(rows, dhat) * line_shortfall(columns, dhat)
 
 
@@ -168,8 +171,8 @@ def enumerated_volume(
 ) -> tuple[Fraction, Fraction]:
     """p and V of a tiny volume, by listing every state of every cell that a view can meet.
 
-    A slice is a lattice of independent cells, each occupied or not, with a uniformly distributed
-    phase relative to the target.  From one view to the next it moves by d̂ cells.
+    A slice is a lattice of independent cells, which are occupied or empty.  Its phase relative to
+    the target is uniformly distributed.  From one view to the next, the slice moves by d̂ cells.
 
     Parameters
     ----------
@@ -178,7 +181,8 @@ def enumerated_volume(
     sites
         Views as (row, column) of a lattice.
     """
-    blocked = {0: ONE}  # probability of every set of views, as bits, that see an occluder
+    # The probability of every set of views that see an occluder. A set is stored as bits.
+    blocked = {0: ONE}
     for density, dhat in slices:
         merged: Counter[int] = Counter()
         one_slice = _blocked_by(density, dhat, sites)
@@ -215,6 +219,8 @@ def _blocked_by(
 
 
 def _phases(dhat: Fraction, steps: set[int]) -> list[tuple[Fraction, Fraction]]:
-    """Middles and widths of the intervals of the phase in which no view changes its cell."""
+    """Middles and widths of intervals of the phase.  Within an interval, every view stays in the
+    same cell.
+    """
     edges = sorted({ZERO, ONE, *((-step * dhat) % 1 for step in steps)})
     return [((low + high) / 2, high - low) for low, high in pairwise(edges)]

@@ -1,9 +1,7 @@
 """Write the reference tables to this folder:  cd tests && python -m reference.make_tables
 
 eq1.csv     p and T of Eq. 1, by mpmath with 50 digits, for l/o up to 10^6.
-eq2.csv     V, 1 - V, V̂ and 1 - V̂ of Eq. 2.  Square grids up to 40 x 40 are computed by the
-            paper's double sum as printed; larger ones and rectangles, with sides up to 10^6, by
-            the appendix's sum for both axes, term by term.
+eq2.csv     V, 1 - V, V̂ and 1 - V̂ of Eq. 2.  Square grids up to 40 x 40 are computed by the paper's double sum as printed. Larger squares, and rectangles with sides up to 10^6, are computed by the appendix's sum for both axes, term by term.
 
 Arguments are hexadecimal floats, results are decimals with 30 digits.  The tables are
 deterministic, and a test compares them with the output of this file.
@@ -26,8 +24,8 @@ FOLDER = Path(__file__).parent
 DIGITS = 30
 
 HARD_TRANSPARENCIES = (
-    # Found by search: the rounding errors of l/o, of its product with log(1-D) and of the logarithm
-    # itself have the same sign, and T is just below a power of two.
+    # These arguments were found by a search. The rounding errors of l/o, of its product with
+    # log(1-D) and of the logarithm itself have the same sign, and T is just below a power of two.
     ("0x1.fffffffffffccp-1", "0x1.0528d702e309bp+3", "0x1.05153797b6b81p-1"),
     ("0x1.1fb92f2a57ce2p-11", "0x1.020fd57de6d87p+16", "0x1.fa033fc143a99p-5"),
     ("0x1.4cf2f932bc21fp-1", "0x1.1a3ef196f1312p+11", "0x1.16addadd09971p+2"),
@@ -53,7 +51,7 @@ def _eq1() -> Iterator[tuple[str, ...]]:
             ratio = mpmath.mpf(height) / mpmath.mpf(size)
             log_t = ratio * mpmath.log1p(-mpmath.mpf(slice_density))
             if log_t < -800:
-                continue  # T is 0; one row below represents such cases
+                continue  # T is 0. One row below represents such cases.
             yield (
                 *(value.hex() for value in (slice_density, height, size)),
                 mpmath.nstr(-mpmath.expm1(log_t), DIGITS),
@@ -77,7 +75,7 @@ def _volumes() -> Iterator[tuple[float, float, float]]:
         slice_density = source.choice(
             (source.random(), 10 ** source.uniform(-12, 0), 1 - 10 ** source.uniform(-16, 0))
         )
-        # |ln T| from 1e-6 to 700, if it is possible with l/o up to 10^6
+        # |ln T| is from 1e-6 to 700, if this is possible with l/o up to 10^6.
         ratio = min(10 ** source.uniform(-6, math.log10(700)) / -math.log1p(-slice_density), 1e6)
         yield slice_density, size * ratio, size
 
@@ -114,7 +112,7 @@ def _shortfalls(source: random.Random) -> Iterator[tuple[int, int, float, Fracti
     for rows, columns in ((1, 2), (1, 50), (5, 10), (7, 8), (1, 10**6), (3, 10**5), (10**6, 10**6)):
         for dhat in _disparities(columns, source):
             if min(columns, 1 / max(dhat, 1e-300)) > 50_000:
-                continue  # takes minutes to add up; a few such cases are below
+                continue  # The sum would take minutes. A few such cases are below.
             both = exact.appendix_sum(rows, dhat) * exact.appendix_sum(columns, dhat)
             yield rows, columns, dhat, both
     for side, dhat in ((10**6, 1e-6), (10**6, 3e-6), (200_000, 1e-12), (123_457, 1 / 123_456)):
@@ -124,7 +122,7 @@ def _shortfalls(source: random.Random) -> Iterator[tuple[int, int, float, Fracti
 def _disparities(side: int, source: random.Random) -> Iterator[float]:
     yield from (0.0, 5e-324, 1e-300, 1.0, 1.7, 1e300)
     for k in {2, 3, max(side - 1, 1), source.randint(2, 1000)}:
-        at = 1.0 / k  # beyond it a pair shares no occluder, and the sum has a kink
+        at = 1.0 / k  # Beyond this d̂, a pair shares no occluder. The sum has a kink there.
         yield from (math.nextafter(at, 0.0), at, math.nextafter(at, 1.0))
     for _ in range(6):
         yield source.uniform(0.0, 1.1)

@@ -1,9 +1,9 @@
 """Extreme arguments of every model with exact values, for `benchmarks/numerical_stress.py`.
 
-They are d̂ at breakpoints and at the neighbouring floats, p within 1e-16 of 0 and of 1, N up to
-10^12, b from 1e-9 to 1e9 m, and cameras 1 mm above the canopy.  Exact values are fractions from
-`reference.exact`, computed from the floats that the models get, or numbers of mpmath with 60 digits
-if a power or a root is not rational.
+The arguments include d̂ at breakpoints and at the neighbouring floats, p within 1e-16 of 0 and of
+1, N up to 10^12, b from 1e-9 to 1e9 m, and cameras 1 mm above the canopy.  Exact values are
+fractions from `reference.exact`, computed from the floats that the models get.  If a power or a
+root is not rational, they are numbers of mpmath with 60 digits.
 """
 
 import itertools
@@ -116,7 +116,9 @@ def eq1() -> Iterator[Check]:
 
 
 def breakpoints(side: int) -> Iterator[float]:
-    """d̂ beyond which a pair shares no occluder, neighbouring floats, and tiny and huge values."""
+    """Values of d̂: the smallest d̂ at which a pair shares no occluder, its neighbouring floats,
+    and tiny and huge values.
+    """
     for neighbours in sorted({1, 2, 3, 7, 49, side - 1, max(side // 2, 1), 999_983} - {0}):
         middle = 1.0 / neighbours
         yield from (math.nextafter(middle, 0.0), middle, math.nextafter(middle, 2.0))
@@ -157,7 +159,7 @@ def _with_density(
 
 
 def eq4_and_5() -> Iterator[Check]:
-    """Samples for a target, which are exact, and the aperture of up to 10^12 samples."""
+    """Numbers of samples for a target, which are exact, and apertures of up to 10^12 samples."""
     for k in (1, 2, 3, 5, 10, 50, 999_983, 10**6, 10**9, 10**12):
         text = f"{k - 1}/{k}"
         got = aosplan.required_samples(Fraction(k - 1, k))
@@ -184,7 +186,8 @@ def inverses() -> Iterator[Check]:
             got = equations.baseline_for_aperture(a, n)
             yield Check("equations", "b (Eq. 5)", f"N = {n}, a = {a:g}", got, b)
     for p, n in itertools.product((1e-9, 0.25, 0.567, 1 - 1e-9), (2, 3, 50, 10**6)):
-        # Just below the visibility of n samples n are sufficient; just above it more are needed.
+        # For a target just below the visibility of n samples, n samples are sufficient. For a
+        # target just above it, more are needed.
         v = float(exact.visibility(p, Fraction(1, n)))
         for target in (math.nextafter(v, 0.0), v, math.nextafter(v, 1.0)):
             room = exact.visibility(p, Fraction(0)) - Fraction(target)
@@ -217,7 +220,9 @@ def _prediction(
 
 
 def uniform() -> Iterator[Check]:
-    """Grids and trimmed grids for b from 1e-9 to 1e9 m; the exact d̂ is b over the unit baseline."""
+    """Grids and trimmed grids for b from 1e-9 to 1e9 m.  The exact d̂ is b divided by the unit
+    baseline.
+    """
     shares = ((0.567, 0.433), (1e-16, 1.0), (1.0, 1e-16))
     patterns: list[AnyPattern] = [Pattern(side, side) for side in SIDES]
     patterns += [Pattern(1, 10**12), Pattern(7, 8)]
@@ -236,7 +241,9 @@ def uniform() -> Iterator[Check]:
 
 
 def _pattern_shortfall(pattern: AnyPattern, dhat: Fraction) -> Fraction:
-    """K of a pattern: by axes for a whole rectangle, and pair by pair for others."""
+    """K of a pattern.  For a whole rectangle, it is computed along both axes; for other patterns,
+    pair by pair.
+    """
     if not isinstance(pattern, Pattern):
         return exact.pair_sum(pattern.offsets(), 1 / dhat)
     down = dhat * Fraction(pattern.row_pitch)
@@ -275,7 +282,8 @@ def plans() -> Iterator[Check]:
     preset = aosplan.plan(aosplan.PlanRequest(altitude=50)).scene
     (slab,) = preset.slabs()
     depth = Fraction(slab.top_m) - Fraction(slab.bottom_m)
-    height = Fraction(slab.bottom_m) + (1 - Fraction(0.98)) * depth  # above the lowest 2 %
+    # height above which 98 % of the occluders are
+    height = Fraction(slab.bottom_m) + (1 - Fraction(0.98)) * depth
     p = 1 - Fraction(preset.transparency)
     fixed: list[dict[str, float]] = [{}, {"baseline": 1e-9}, {"baseline": 1e9}, {"baseline": 0.7}]
     for above, more in itertools.product((1e-3, 30.0), fixed):
@@ -368,7 +376,7 @@ def layered_lattice(
 
 
 def layered() -> Iterator[Check]:
-    """Slices that hide almost nothing and almost everything, from 1 mm above them."""
+    """Slices that hide almost nothing or almost everything, seen from 1 mm above them."""
     cases = [(Pattern(1, 1), 1.0), (Pattern(7, 8), 1e-9), (Pattern(7, 8), 1e-3)]
     cases += [(Pattern(5, 6), 0.35), (Pattern(7, 8), 1e9), (Pattern(1, 50), 0.7)]
     for (name, layers), above in itertools.product(STANDS.items(), (1e-3, 30.0)):
@@ -410,7 +418,7 @@ def sites() -> Iterator[Check]:
 
 
 def sparse_volume(*, inverted: bool = False) -> VoxelVolume:
-    """A plot of 24 x 24 cells with one filled voxel, or with all but one voxel of a slice filled."""
+    """A plot of 24 x 24 cells in which one voxel is filled, or all voxels of a slice except one."""
     occupied = np.zeros((8, 24, 24), dtype=bool)
     if inverted:
         occupied[5] = True
@@ -419,7 +427,9 @@ def sparse_volume(*, inverted: bool = False) -> VoxelVolume:
 
 
 def counted(masks: np.ndarray) -> tuple[Fraction, Fraction]:
-    """p̄ and K of views as rows of targets, from whole numbers of views that hide each target."""
+    """p̄ and K of views, computed from the whole number of views that hide each target.  `masks`
+    has one row for each view.
+    """
     views, targets = masks.shape
     p = Fraction(int(masks.sum()), views * targets)
     squares = sum(n**2 * int(count) for n, count in enumerate(np.bincount(masks.sum(axis=0))))
@@ -430,7 +440,9 @@ def counted(masks: np.ndarray) -> tuple[Fraction, Fraction]:
 
 
 def measured() -> Iterator[Check]:
-    """Plots that hide one target in a thousand, or all but one, from 1 mm to 1 km above them."""
+    """Plots that hide one target in a thousand, or all except one, seen from 1 mm to 1 km above
+    them.
+    """
     volumes = {"one voxel": sparse_volume(), "all but one": sparse_volume(inverted=True)}
     patterns = (Pattern(1, 1), Pattern(5, 5), pattern_for("trimmed", 50))
     for (name, volume), above, view in itertools.product(

@@ -1,4 +1,4 @@
-"""The cache of clouds saves time and changes nothing else."""
+"""The cache of clouds saves time and does not change results."""
 
 import os
 import sys
@@ -27,7 +27,7 @@ def place(tmp_path, monkeypatch):
 
 @pytest.fixture
 def readings(monkeypatch):
-    """A list of the clouds that are really read, in order."""
+    """A list of the clouds that are read from their files, in order."""
     read, done = lidar.read_voxels, []
     monkeypatch.setattr(
         lidar, "read_voxels", lambda files, **given: done.append(files) or read(files, **given)
@@ -173,7 +173,8 @@ def test_the_oldest_entries_are_dropped_and_nothing_else(place, tmp_path, monkey
     os.utime(place / first, ns=(2, 2))
     resolved(clouds[1])
     resolved(clouds[2])
-    assert resolved(clouds[0]).from_cache  # used again, so it is no longer the oldest
+    # This entry is used again, so that it is no longer the oldest.
+    assert resolved(clouds[0]).from_cache
     assert ".aosplan-cutshort" not in entries(place)
     resolved(clouds[3])
     assert len(entries(place)) == 4

@@ -1,4 +1,4 @@
-"""Camera and scene files: valid ones are read, and errors name their place."""
+"""Camera and scene files: valid files are read, and errors give their place."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Canopy height rasters: crowns cell by cell, and one sentence for other files."""
+"""Canopy height rasters: tests of crowns cell by cell, and of the error for other files."""
 
 import math
 import sys
@@ -20,7 +20,9 @@ PLACE = Affine(0.5, 0.0, 400_000.0, 0.0, -0.5, 5_000_020.0)
 
 @pytest.fixture
 def raster(tmp_path):
-    """A function that writes heights as a raster: shape (rows, columns) from the north, or bands."""
+    """A function that writes heights as a raster.  The heights have the shape (rows, columns),
+    beginning in the north, or are several bands.
+    """
 
     def write(heights, *, transform=PLACE, crs=UTM, unit=None, name="canopy.tif", **given):
         bands = np.asarray(heights)
@@ -54,7 +56,9 @@ def trees(seed=0, rows=40, columns=60):
 
 
 def by_hand(heights, voxel, base, cut):
-    """Occupied voxels of a raster whose cells have the size of voxels, column by column."""
+    """Occupied voxels of a raster whose cells have the size of voxels, computed column by
+    column.
+    """
     found = set()
     for row, line in enumerate(heights[::-1]):
         for column, top in enumerate(line.tolist()):
@@ -322,7 +326,7 @@ def warned(volume):
     ],
 )
 def test_one_canopy_in_every_unit_reads_the_same(raster, crs, unit, given, up):
-    heights = np.round(trees() * 4) / 4 + 0.1  # not near the faces of voxels
+    heights = np.round(trees() * 4) / 4 + 0.1  # The heights are not near the faces of voxels.
     true = read_canopy(raster(heights))
     dressed = raster(heights / up, transform=IN_FEET, crs=crs, unit=unit, name="feet.tif")
     volume = read_canopy(dressed, units=given, voxel_m=0.5)
@@ -392,6 +396,6 @@ def test_one_canopy_in_every_storage_reads_the_same(raster, storage):
     if missing is None:
         assert warned(volume) == warned(true)
         assert np.array_equal(volume.occupied, true.occupied)
-    else:  # what the missing cells count as is tested elsewhere
+    else:  # The treatment of missing cells is tested elsewhere.
         away = np.s_[:, :-8, 8:]
         assert np.array_equal(volume.occupied[away], true.occupied[away])

@@ -1,4 +1,6 @@
-"""One stand in all units, reference systems, records and tiles of LAS files gives the same voxels."""
+"""The same stand in all units, reference systems, records and tiles of LAS files gives the same
+voxels.
+"""
 
 import os
 import re
@@ -69,7 +71,7 @@ def test_one_stand_in_every_point_format_and_scaling(tmp_path, truth, point_form
     given = {"point_format": point_format, "scale": scale, "offset_m": offset_m}
     volume = read_voxels(write_dressed(path, XYZ, KIND, **bit, **given))
     assert (volume.points, codes(volume)) == (truth.points, [])
-    # In steps of a centimetre some points cross the faces of voxels.
+    # Because coordinates are rounded to centimetres, some points move across faces of voxels.
     differing = np.count_nonzero(volume.occupied != truth.occupied)
     assert differing <= (0 if scale < 1e-2 else 0.05 * np.count_nonzero(truth.occupied))
 
@@ -90,7 +92,7 @@ def test_one_stand_in_every_dress_reads_the_same(
     xyz = in_units(across, up)
     text = (2112, wkt(across, up).encode() + b"\0")
     keys = dressed_keys(across, up, by_size=way == "keys with size", up_code=UNITS[up][2])
-    # If the bit says WKT, keys that state metres do not count.
+    # If the WKT bit is set, GeoTIFF keys that state metres are ignored.
     wrong = geo_keys({1024: 1, 3076: 9001, 4099: 9001})
     records = {
         "wkt before": {"before": [text], "bit": True},
@@ -145,7 +147,9 @@ def test_a_vertical_unit_that_is_not_stated_is_that_of_x_and_y_and_said_if_it_is
     ("vertical", "up"), [(5703, "m"), (6360, "us-ft"), (8228, "ft"), (5103, None), (32767, None)]
 )
 def test_the_vertical_system_s_own_code_gives_the_unit_of_z(tmp_path, vertical, up):
-    """EPSG 5703 is NAVD88 in metres, 6360 in US survey feet, 8228 in feet; 5103 is only its datum."""
+    """EPSG 5703 is NAVD88 in metres, 6360 is NAVD88 in US survey feet, and 8228 is NAVD88 in feet.
+    5103 is only the datum.
+    """
     xyz, kind = stand(count=6000)
     foot = UNITS["us-ft"][0]
     xyz = xyz / [[foot], [foot], [UNITS[up or "us-ft"][0]]] + [[6_561_666.0], [1_940_416.0], [0.0]]
@@ -198,7 +202,7 @@ def test_web_mercator_is_scaled_to_the_ground(tmp_path, truth):
     from pyproj import Transformer
 
     utm_to_web = Transformer.from_crs("EPSG:32633", "EPSG:3857", always_xy=True)
-    # Stretched by the inverse of the scale that the ellipsoid has at this latitude.
+    # The coordinates are stretched by the inverse of the scale of the projection at this latitude.
     x0, y0 = utm_to_web.transform(EAST_M, NORTH_M)
     latitude = np.radians(
         Transformer.from_crs(32633, 4326, always_xy=True).transform(EAST_M, NORTH_M)[1]
@@ -240,7 +244,7 @@ def test_axes_that_run_west_or_count_depths_are_refused(tmp_path, crs):
 def test_tiles_of_different_systems_are_refused(tmp_path):
     one = write_cloud(tmp_path / "a.laz", *stand(), crs="EPSG:32633")
     other = write_cloud(tmp_path / "b.laz", *stand(), crs="EPSG:32632")
-    # the same within a millimetre
+    # Both are the same within a millimetre.
     alike = write_cloud(tmp_path / "c.laz", *stand(), crs="EPSG:25833")
     silent = write_cloud(tmp_path / "d.laz", *stand(), crs=None)
     higher = write_cloud(tmp_path / "e.laz", *stand(), crs="EPSG:32633+5703")

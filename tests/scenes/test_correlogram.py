@@ -35,7 +35,7 @@ def table(forest):
 
 
 def assert_stands_in(volume):
-    """Check that V̂ is within 0.015 and V within 0.006 of the exact values, at 50 m and two
+    """Check that V̂ is within 0.015 and V within 0.006 of the exact values, at 50 m and for two
     headings.
     """
     table = correlogram(volume)
@@ -99,8 +99,8 @@ def test_an_entry_is_the_mean_over_pairs_about_the_middle(forest, table, directi
     middles = [(0.0 * apart, 2), (across, 2), (-across, 2), (0.5 * apart, 1), (-0.5 * apart, 1)]
     total = 0.0
     for middle, weight in middles:
-        # In the same form as the table's pairs, because a difference of 1e-9 m may change the
-        # rounding.
+        # The positions are computed in the same way as the pairs of the table, because a difference
+        # of 1e-9 m may change the rounding.
         pair = [middle - 0.5 * apart, middle + 0.5 * apart]
         (p, both), (_, q) = model.joint_density(pair)
         total += weight * (both - p * q) / math.sqrt(p * (1 - p) * q * (1 - q))

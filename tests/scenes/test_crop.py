@@ -19,7 +19,9 @@ UAS = CLOUDS / "UAS_Clip.laz"
 
 
 def cloud(path, *, metre=1.0, crs="EPSG:32633", size=60.0, east=EAST, **given):
-    """A stand of `size` metres at the centre of the zone; `metre` is a metre in the file's unit."""
+    """A stand of `size` metres at the centre of the zone.  `metre` is the length of a metre in the
+    unit of the file.
+    """
     rng = np.random.default_rng(0)
     x, y = rng.uniform(0.0, size, (2, 20_000)).round(3)
     high = rng.random(x.size) < 0.5
@@ -46,7 +48,8 @@ def test_a_crop_is_what_a_cloud_of_its_points_alone_is(tmp_path):
 @pytest.mark.parametrize(("metre", "crs"), [(1.0, "EPSG:32633"), (1.0 / FOOT, None)])
 def test_bounds_count_in_the_units_of_the_file(tmp_path, suffix, metre, crs):
     path, x, y = cloud(tmp_path / f"whole.{suffix}", metre=metre, crs=crs)
-    # Half a millimetre off the points, because the file rounds them to a thousandth of its unit.
+    # The bounds are half a millimetre away from points, because the file rounds points to a
+    # thousandth of its unit.
     bounds = np.array([EAST + 10.0, NORTH + 20.0, EAST + 40.0, NORTH + 50.0]) + 5e-4
     bounds *= metre
     cut = read_voxels(path, crop=Crop(tuple(bounds)), units="m" if metre == 1.0 else "ft")
@@ -160,7 +163,7 @@ def test_wide_plots_have_larger_voxels_and_say_so(wide, monkeypatch):
     assert "voxels of 0.4 m instead of 0.25 m" in dict(enlarged.warnings)["voxels_enlarged"]
     assert "voxels_enlarged" not in dict(read_voxels(wide, voxel_m=0.3).warnings)
     monkeypatch.setattr(point_cloud, "USUAL_VOXELS", 100)
-    assert read_voxels(wide).voxel_m == 0.25  # sizes above 0.5 m have to be given by the user
+    assert read_voxels(wide).voxel_m == 0.25  # The user has to give sizes above 0.5 m.
 
 
 def pulses_of(path, **given):

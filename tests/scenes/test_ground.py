@@ -1,4 +1,4 @@
-"""The ground surface: triangles, thinning, the kind of heights, and the filter."""
+"""Tests of the ground surface: triangles, thinning, the kind of heights, and the filter."""
 
 import os
 import sys
@@ -123,7 +123,7 @@ def test_triangles_agree_with_interpolation_point_by_point():
         rng = np.random.default_rng(seed)
         rows, columns = rng.integers(1, 30, 2)
         points = rng.uniform(-1.0, 1.0, (3, 40)) * [[20.0], [20.0], [5.0]]
-        if seed % 2:  # Vertices on the nodes, many of them on a line.
+        if seed % 2:  # The vertices are at nodes, and many of them are on a line.
             points = np.unique(np.round(points), axis=1)
             points = points[:, np.unique(points[:2], axis=1, return_index=True)[1]]
         y, x = np.mgrid[0 : rows + 1, 0 : columns + 1]
@@ -147,7 +147,7 @@ def test_a_plane_has_its_slope_and_a_line_has_none():
 @pytest.fixture
 def grove():
     """Lowest points of a slope of 30 % with a canopy over about half of them."""
-    if find_spec("CSF") is None:  # Only the code under test should import it.
+    if find_spec("CSF") is None:  # Only the tested code should import this module.
         pytest.skip("needs the extra lidar")
     size = np.array([30.0, 20.0])
     low = cloud_on(lambda x, y: 0.3 * x + 0.05 * y, size, 6000, seed=4)

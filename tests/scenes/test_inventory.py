@@ -1,4 +1,4 @@
-"""Inventories: the closed form compared with random crowns and with numerical integrals."""
+"""Inventories: the closed form is compared with random crowns and with numerical integrals."""
 
 import math
 
@@ -30,9 +30,10 @@ def scene(**change):
 
 
 def thrown(seed, *, stems_per_hectare, crown_diameter_m, leaf_area_index, **lengths):
-    """Mean and standard error over plots of the share of vertical rays that random crowns block.
+    """The share of vertical rays that random crowns block: its mean and standard error over plots.
 
-    The optical depth of each ray is the sum over crowns of half the leaf density times the path.
+    The optical depth of a ray is the sum over crowns of half the leaf density times the path in the
+    crown.
     """
     rng = np.random.default_rng(seed)
     side, radius, half = 100.0, crown_diameter_m / 2, lengths["volume_height_m"] / 2

@@ -1,4 +1,4 @@
-"""The occlusion kernel compared with rays that are traced through the same voxels face by face."""
+"""Occlusion, compared with rays that are traced through the same voxels from face to face."""
 
 import numpy as np
 import pytest
@@ -22,8 +22,9 @@ DATA = CLOUDS
 def walk(volume, starts_m, ends_m, focal_height_m=0.0):
     """Whether rays from the focal plane meet a filled voxel of a periodic plot.
 
-    Each ray moves to the next voxel through the face that it reaches first; all rays move at the
-    same time.  `starts_m` has shape (n, 2), `ends_m` (n, 3) with heights above the focal plane.
+    Each ray moves to the next voxel through the face that it reaches first.  All rays are processed
+    at the same time.  `starts_m` has the shape (n, 2).  `ends_m` has the shape (n, 3), with heights
+    above the focal plane.
     """
     slices, rows, columns = volume.occupied.shape
     start = np.column_stack([starts_m, np.full(len(starts_m), focal_height_m)]) / volume.voxel_m
@@ -53,7 +54,7 @@ def walk(volume, starts_m, ends_m, focal_height_m=0.0):
 
 
 def targets_of(volume, per_voxel):
-    """Targets from the plot's corner [m], shape (rows * columns, 2)."""
+    """Positions of targets relative to the plot's corner [m], shape (rows * columns, 2)."""
     _, rows, columns = volume.occupied.shape
     pitch = volume.voxel_m / per_voxel
     x, y = np.meshgrid(np.arange(columns * per_voxel), np.arange(rows * per_voxel))
@@ -61,7 +62,9 @@ def targets_of(volume, per_voxel):
 
 
 def walked(volume, altitude_m, position, targets, view, focal_height_m=0.0):
-    """The expected result of `Occlusion`, by `walk`, for one camera or for one per target."""
+    """The expected result of `Occlusion`, computed with `walk`, for one camera or for one camera
+    per target.
+    """
     base = targets if view == "telecentric" else 0.5 * np.array(volume.size_m)
     above = np.broadcast_to(base + np.asarray(position), targets.shape)
     ends = np.column_stack([above, np.full(len(targets), altitude_m)])
@@ -78,19 +81,20 @@ volumes = st.tuples(st.integers(1, 5), st.integers(1, 7), st.integers(1, 19)).fl
 )
 
 
-# --- Against rays ----------------------------------------------------------------------------
+# --- Comparison with rays --------------------------------------------------------------------
 
 
 @given(volumes, st.integers(1, 5), st.data())
 def test_rays_along_an_axis_are_exact(occupied, per_voxel, data):
-    # The plane of such rays contains no cells at the side, and shifts by whole targets per slice
-    # are not rounded.  All targets are therefore exact, up to a shift of one voxel per slice.
+    # Such rays do not meet cells at the side, and shifts by whole targets per slice are not
+    # rounded. All targets are therefore exact, up to a shift of one voxel per slice.
     volume = VoxelVolume(occupied, 0.5)
     altitude = 16.0
     shift = data.draw(st.integers(-per_voxel, per_voxel))
     offset = np.zeros(2)
     offset[data.draw(st.integers(0, 1))] = shift * altitude / per_voxel
-    # Slightly off the lattice, because a ray through an edge between voxels has no correct result.
+    # The positions are slightly off the lattice, because there is no correct result for a ray
+    # through an edge between voxels.
     targets = targets_of(volume, per_voxel)
     got = hidden(volume, altitude, offset, targets_per_voxel=per_voxel)
     want = walked(volume, altitude, offset * (1.0 - 1e-9), targets, "telecentric")
@@ -104,8 +108,8 @@ def test_perspective_rays_are_exact_but_for_the_cell_beside(occupied, per_voxel,
     targets = targets_of(volume, per_voxel)
     got = hidden(volume, altitude, (x, y), view="perspective", targets_per_voxel=per_voxel).ravel()
     want = walked(volume, altitude, (x, y), targets, "perspective")
-    # The kernel ignores the second cell of a ray that leaves its cell through two sides in one
-    # slice.
+    # If a ray leaves its cell through two sides in one slice, the tested code ignores the second
+    # cell.
     heights = np.arange(len(occupied) + 1)[:, None, None] / altitude
     places = targets * (1.0 - heights) + (0.5 * np.array(volume.size_m) + (x, y)) * heights
     cells = np.floor(places)
@@ -115,8 +119,8 @@ def test_perspective_rays_are_exact_but_for_the_cell_beside(occupied, per_voxel,
     assert (got[sure] == want[sure]).all()
 
 
-# Samples, baseline and heading; the headings avoid rays through edges, which have no correct
-# result.
+# Samples, baseline and heading. The headings avoid rays through edges, for which there is no
+# correct result.
 PLANS = [(4, 0.5, 20.0), (25, 1.5, 30.0), (49, 3.5, 10.0), (100, 5.0, 0.1)]
 
 
@@ -164,7 +168,7 @@ def test_real_stands_are_as_rays_see_them(name, voxel_m, view, real_stand):
 
 @pytest.fixture(scope="module")
 def real_stand():
-    """Voxels of one of the clouds, by its name and the size of the voxels."""
+    """A function that returns the voxels of a cloud, from its name and the size of the voxels."""
     known = {}
 
     def read(name, voxel_m):
@@ -301,7 +305,7 @@ def test_how_work_is_divided_changes_nothing(scrub, monkeypatch):
 
 
 def test_views_are_the_same_after_any_others(scrub):
-    # Within the previous offsets, beyond them on one side, and farther than the plot.
+    # These offsets are within the previous ones, beyond them on one side, and larger than the plot.
     rng = np.random.default_rng(8)
     occlusion = Occlusion(scrub, 20.0)
     for reach in (3.0, 2.0, 9.0, 60.0, 5.0):
@@ -310,7 +314,8 @@ def test_views_are_the_same_after_any_others(scrub):
 
 
 def test_a_view_from_far_away_takes_no_more_memory_than_it_should(scrub):
-    # The shift is a hundred thousand targets, but only the shift within one slice matters.
+    # The shift is a hundred thousand targets, but the result depends only on the shift within one
+    # slice.
     far = hidden(scrub, 20.0, (40_000.0, -3.0))
     assert far.shape == (92, 124)
 

@@ -1,4 +1,6 @@
-"""Opacity from pulses, compared with rays through known leaves and with other pulses."""
+"""Opacity from pulses, compared with rays through known leaves and with pulses that were not
+used.
+"""
 
 import json
 
@@ -28,7 +30,9 @@ FORTY_NINE = np.stack(np.meshgrid(SEVEN, SEVEN), axis=-1).reshape(-1, 2)
 
 @pytest.fixture(scope="module")
 def leaves():
-    """A stand, p̄ and V of nine views from 50 m by tracing rays, and a scan of the stand."""
+    """A stand, p̄ and V of nine views from 50 m (computed by tracing rays), and a scan of the
+    stand.
+    """
     rng = np.random.default_rng(20)
     stand = crowned_stand(rng, 8.0, leaf_area_index=1.5, crowns=5)
     hidden = hidden_share(stand, 50.0, NINE, 0.08)
@@ -127,7 +131,7 @@ def test_clouds_without_sound_pulses_are_read_as_voxels_and_say_why(tmp_path, le
     assert "opacity_from_voxels" not in dict(voxels.warnings)
     with pytest.raises(RequestError, match="only return"):
         read_voxels(path, opacity="pulses")
-    # A clip without ground has no flight line with low returns.
+    # If the ground was removed from a cloud, no flight line has low returns.
     _, _, scan = leaves
     clipped = scan._replace(on_ground=np.zeros_like(scan.on_ground))
     clipped = type(scan)(*(each[..., scan.xyz_m[2] > 3.0] for each in clipped))
@@ -139,7 +143,7 @@ def test_clouds_without_sound_pulses_are_read_as_voxels_and_say_why(tmp_path, le
 def test_the_command_prints_what_the_pulses_say(tmp_path, leaves, capsys, monkeypatch):
     monkeypatch.setenv("AOSPLAN_CACHE", str(tmp_path / "cache"))
     path = str(write_scan(tmp_path / "leaves.las", leaves[2]))
-    for _ in range(2):  # read, and then from the cache
+    for _ in range(2):  # The first time it is read from the file, the second time from the cache.
         assert run(["scene", path, "--min-height", "0.5", "--json", "--quiet"]) == 0
         opacity = json.loads(capsys.readouterr().out)["opacity"]
         assert opacity["source"] == "pulses"

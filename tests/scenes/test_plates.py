@@ -1,4 +1,4 @@
-"""Rays through plates, compared with counted cells and with Beer's law for the path length."""
+"""Rays through plates, compared with counts of cells, and with Beer's law for the path length."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def test_perspective_rays_obey_beers_law():
     # The path lengths of both axes are added.
     secant = np.sqrt(1.0 + (x / 100) ** 2) + np.sqrt(1.0 + (y / 100) ** 2) - 1.0
     expected = ((1.0 - 0.005) ** (200 * secant)).mean()
-    # Rays converge towards the camera, so at 20 m height they meet 0.8² of the cells.
+    # Rays converge towards the camera. At a height of 20 m, they meet a share of 0.8² of the cells.
     assert clear == pytest.approx(
         expected, abs=5.0 * np.sqrt(expected * (1 - expected) / (0.64 * 160_000))
     )

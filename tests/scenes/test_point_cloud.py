@@ -1,4 +1,4 @@
-"""Point clouds: valid files give the correct voxels, and invalid files one clear sentence."""
+"""Point clouds: valid files give the correct voxels, and invalid files give one clear error."""
 
 import re
 import struct
@@ -20,7 +20,7 @@ DATA = CLOUDS
 
 
 def expected_voxels(xyz, kind, voxel=0.25, cut=2.0):
-    """The expected voxels by brute force: each point alone, above the known slope."""
+    """The expected voxels, computed for each point separately, above the known slope."""
     x, y, z = np.round(xyz, 3)
     occupied = {
         (
@@ -67,7 +67,9 @@ def test_voxel_size_and_cut_are_respected(tmp_path, voxel, cut):
     path = write_cloud(tmp_path / "a.laz", xyz, kind)
     volume = read_voxels(path, voxel_m=voxel, min_height_m=cut)
     expected = expected_voxels(xyz, kind, voxel, cut)
-    if cut == 0.0:  # The ground itself, for which rounding decides which points are above it.
+    # The slice of the ground itself is left out, because rounding decides which of its points are
+    # above the ground.
+    if cut == 0.0:
         assert {i for i in listed(volume) if i[0] > 0} == {i for i in expected if i[0] > 0}
     else:
         assert listed(volume) == expected
@@ -187,11 +189,11 @@ def test_ground_below_thinned_vertices_still_follows_the_slope(tmp_path, monkeyp
     monkeypatch.setattr("aosplan.scenes.files.ground.MAX_NODES", 900)
     xyz, kind = stand(count=40_000)
     path = write_cloud(tmp_path / "a.laz", xyz, kind)
-    # At the edges the nearest vertex is used, so only the inside is compared.
+    # At the edges, the nearest vertex is used. Therefore only the interior is compared.
     found, expected = read_voxels(path).occupied, np.zeros((80, 49, 81), dtype=bool)
     expected[tuple(np.transpose(expected_voxels(xyz, kind)))] = True
     inside = np.s_[:, 8:-8, 8:-8]
-    slices, rows, columns = found.shape  # less the ragged last cells
+    slices, rows, columns = found.shape  # without the last cells, which are only partly filled
     differing = found[inside] ^ expected[:slices, :rows, :columns][inside]
     assert differing.sum() < 0.02 * found[inside].sum()
 
@@ -297,7 +299,7 @@ def test_other_plots_that_are_no_rectangle_are_said(tmp_path, shape):
     }[shape]
     volume = read_voxels(write_cloud(tmp_path / "a.laz", xyz[:, inside], kind[inside]))
     assert codes(volume) == ["partial_plot"]
-    # The remaining share, plus half a square of 0.6 m along its rim.
+    # The result is the remaining share, plus half a square of 0.6 m along its rim.
     said = float(re.search(r"cover (\d+)%", volume.warnings[0][1])[1]) / 100
     assert said == pytest.approx({"rotated": 0.5, "corner": 0.85}[shape], abs=0.05)
 
@@ -318,7 +320,7 @@ def test_voxels_too_fine_for_the_points_are_said_with_a_size_that_does(
     size = float(re.search(r"voxels of ([\d.]+) m or more", said)[1])
     assert voxel_m < size < 0.25
     assert "voxel_below_spacing" not in dict(read_voxels(path, voxel_m=size).warnings)
-    # The share of columns without a point is that of a Poisson distribution.
+    # The share of columns without a point follows from a Poisson distribution.
     share = float(re.search(r"so (\d+)% of them", said)[1]) / 100.0
     assert share == pytest.approx(np.exp(-points_a_m2 * voxel_m**2), abs=0.02)
 
@@ -408,13 +410,15 @@ def test_a_classified_plot_has_the_density_of_two_other_implementations():
     assert volume.column_occupancy == pytest.approx(0.769, abs=0.001)
     assert (volume.ground, codes(volume)) == ("class", [])
     assert volume.canopy_top_m == pytest.approx(32.25)
-    # The cloud measures 27.10 x 25.82 m: 0.40 and 0.28 of a last cell.
+    # The cloud is 27.10 m x 25.82 m large. It fills 0.40 and 0.28 of the last cells.
     assert volume.occupied.shape[1:] == (103, 108)
 
 
 @pytest.mark.parametrize(("count", "expected"), [(20_000, (10, 12)), (160, (11, 13))])
 def test_a_last_row_of_cells_counts_only_if_the_points_fill_it(tmp_path, count, expected):
-    """12.3 x 10.4 m in voxels of 1 m: dense points end before the edge, sparse ones may."""
+    """The plot is 12.3 m x 10.4 m large, with voxels of 1 m.  Dense points show that it ends before
+    the edge of the last cells.  Sparse points may end there by chance.
+    """
     rng = np.random.default_rng(5)
     xyz = rng.random((3, count)) * [[12.3], [10.4], [9.0]]
     xyz[:2, :2] = [[0.0, 12.3], [0.0, 10.4]]

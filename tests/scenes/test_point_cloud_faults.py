@@ -1,4 +1,6 @@
-"""Point clouds that are damaged, unusual or unreadable: one clear sentence, and limited memory."""
+"""Point clouds that are damaged, unusual or unreadable: they give one clear error and need little
+memory.
+"""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""The steps from pulses to attenuation, each compared with known results."""
+"""The steps from pulses to attenuation.  Each step is compared with known results."""
 
 import numpy as np
 import pytest
@@ -52,8 +52,8 @@ def test_pulses_are_grouped_by_order_and_return_number():
         returns_of(np.zeros((10, 3)), number, total), timed=False
     )
     members = [found.number[i:k].tolist() for i, k in zip(pulses.first, pulses.stop, strict=True)]
-    # A pulse whose first return was clipped is complete if it has its last return.  After a missing
-    # last return, (1 of 2) alone is not complete, and (3 of 3) alone is.
+    # A pulse is complete if it has its last return, even if its first return was clipped. The
+    # return (1 of 2) alone is not complete. The return (3 of 3) alone is complete.
     assert members == [[1, 2], [1], [1, 2, 3], [2, 3], [3]]
     assert share == pytest.approx(5 / 6)
 
@@ -70,8 +70,8 @@ def test_shuffled_files_are_put_into_the_order_of_time():
 
 @pytest.mark.parametrize(("gain", "plausible"), [(1.0, True), (0.3, False)])
 def test_intensities_are_energies_only_if_they_add_up(gain, plausible):
-    """Intensities are energies for pulses that share their energy, but not if weak returns are
-    amplified.
+    """Intensities are energies if the returns of a pulse share its energy, but not if weak returns
+    are amplified.
     """
     rng = np.random.default_rng(5)
     share = rng.uniform(0.2, 0.8, 600)
@@ -111,7 +111,8 @@ def test_the_track_of_a_moving_sensor_is_found_despite_wild_pulses():
     at = sensor_track.fitted(found, pulses)
     assert at is not None
     missed = at.at(found.time_s[pulses.first]) - sensor
-    # 0.01 m over levers of 5 to 20 m is about 0.1° per pulse; 340 pulses determine the sensor.
+    # An error of 0.01 m over distances of 5 to 20 m is about 0.1° per pulse. 340 pulses determine
+    # the position of the sensor.
     assert np.abs(missed).max() < 1.0
     assert 0.01 < at.residual_deg < 0.2
 
@@ -149,7 +150,7 @@ def test_each_length_is_credited_to_its_voxel():
 
 
 def test_paths_end_at_hits_with_the_energy_that_is_left():
-    """A vertical pulse with hits at 3 m and 1 m, over ground that rises to the east."""
+    """The pulse is vertical, with hits at 3 m and 1 m, and the ground rises to the east."""
     ground = np.tile(np.arange(9) * 0.1, (9, 1)).astype(np.float32)
     grid = trace.VoxelGrid(ground, 0.5, 10, 0.5, (4.0, 4.0))
     z = 0.1 * 2.2 / 0.5
@@ -178,7 +179,9 @@ def test_the_pyramid_keeps_known_voxels_and_fills_unknown_ones():
 
 
 def test_one_level_of_shrinkage_by_hand():
-    """Two voxels of 4 m side by side, whose parent is the layer, whose parent is the volume."""
+    """Two voxels of 4 m are side by side.  Their parent is the layer, and the parent of the layer
+    is the volume.
+    """
     sums = attenuation.VoxelSums(
         np.array([[[3.0, 0.0]]], np.float32), np.array([[[10.0, 2.0]]], np.float32)
     )
@@ -238,7 +241,9 @@ def test_what_is_wrong_with_a_trajectory_is_said(tmp_path, text, said):
 
 
 def test_pulses_that_were_grouped_from_two_do_not_lead_the_track_astray():
-    """Such pulses have long lever arms, so least squares over all pulses would be wrong."""
+    """The returns of such pulses are far apart, so that a least-squares fit to all pulses would be
+    wrong.
+    """
     rng = np.random.default_rng(12)
     found, sensor = flown_pulses(rng)
     wrong = rng.choice(400, 60, replace=False)

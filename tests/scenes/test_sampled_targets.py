@@ -1,4 +1,6 @@
-"""A sample of a wide plot's targets has the same result for each target, and is representative."""
+"""A sample of the targets of a large plot gives the same result for each of its targets, and is
+representative.
+"""
 
 import itertools
 
@@ -23,7 +25,7 @@ def random_volume(rows, columns, *, slices=9, slice_m=None, seed=0):
 
 
 def sampled_bits(sampled, masks):
-    """Shape (N, lattices, down, across), in the layout of the class."""
+    """Masks as bits of shape (N, lattices, down, across), which is the layout of the class."""
     octets = masks.view(np.uint8).reshape(len(masks), LATTICES, sampled._height, -1)
     return np.unpackbits(octets, axis=2, bitorder="little")
 
@@ -39,7 +41,8 @@ def test_each_target_sees_what_it_sees_among_all(rows, columns, sample, per_voxe
     sampled = SampledOcclusion(everything, volume, sample)
     assert sampled.targets >= sample
     positions = np.random.default_rng(1).uniform(-15.0, 15.0, (12, 2))
-    positions[0], positions[1] = (0.0, 0.0), (90.0, -120.0)  # farther than the plot, more than once
+    # These offsets are several times as large as the plot.
+    positions[0], positions[1] = (0.0, 0.0), (90.0, -120.0)
     want = everything.unpack(everything.masks(positions))
     got = sampled_bits(sampled, sampled.masks(positions))
     count, step = 0, sampled._step
@@ -62,7 +65,7 @@ def test_all_places_within_voxels_count_alike():
     sampled = SampledOcclusion(Occlusion(random_volume(60, 60), 12.0), random_volume(60, 60), 100)
     for places in (sampled._within, sampled._first):
         assert len({tuple(place) for place in places.tolist()}) == LATTICES
-    # Where a lattice begins and its places in voxels do not go together.
+    # The first voxel of a lattice is not correlated with the place of its targets in their voxels.
     ranks = np.unique(sampled._first, return_inverse=True)[1].reshape(LATTICES, 2)
     for first, within in itertools.product(ranks.T, sampled._within.T):
         pairs = np.unique(np.column_stack([first, within]), axis=0, return_counts=True)
@@ -91,7 +94,7 @@ def test_the_means_are_those_of_all_targets():
     positions = np.random.default_rng(1).uniform(-20.0, 20.0, (20, 2))
     want = joint_counts(everything.masks(positions)) / everything.targets
     got = joint_counts(sampled.masks(positions)) / sampled.targets
-    # The standard error of a share of the same number of random targets.
+    # This is the standard error of a share for the same number of random targets.
     error = np.sqrt(want * (1.0 - want) / sampled.targets)
     assert np.sqrt((((got - want) / error) ** 2).mean()) < 1.0
     assert np.abs(got - want).max() < 4.0 * error.max()
@@ -120,7 +123,8 @@ def test_targets_in_a_window_and_cells(per_voxel, window):
     np.testing.assert_array_equal(bits, sampled_bits(sampled, masks) * which)
     if inside is not None:
         assert sampled.targets_in(inside) == which.sum() == popcount(mask)
-    # Cells hold one target of each lattice: their targets by place are those of the lattices.
+    # Cells have one target of each lattice. Sorted by place in the cell, their targets are those of
+    # the lattices.
     cells = sampled.unpack(masks, inside)
     size = sampled._step * per_voxel
     first = -(-row // size), -(-column // size)
@@ -141,7 +145,8 @@ def test_a_plan_on_a_sample_is_predicted_as_on_all_targets(edges, baseline_m):
     sample = MeasuredModel(volume, 80.0, edges=edges)
     sample.occlusion = SampledOcclusion(every.occlusion, volume, 120_000)
     want, got = every.predict(pattern, baseline_m), sample.predict(pattern, baseline_m)
-    # A fifth of all targets: the standard errors are those of so many that were drawn at random.
+    # The sample is a fifth of all targets. Its standard errors are those of the same number of
+    # random targets.
     error = np.sqrt(want.density * want.transparency / sample.occlusion.targets)
     assert abs(got.density - want.density) < 3.0 * error
     assert abs(got.expected - want.expected) < 3.0 * error

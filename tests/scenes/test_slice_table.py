@@ -1,4 +1,6 @@
-"""Tables of slices: valid ones give the scene that they describe, others one sentence."""
+"""Tables of slices: valid tables give the scene that they describe, and other tables give one clear
+error.
+"""
 
 import pytest
 

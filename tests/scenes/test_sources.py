@@ -221,7 +221,7 @@ def test_a_plan_by_the_correlogram_is_named_and_near_the_exact_one(saved, baseli
     assert near.solution.prediction.normalized == pytest.approx(
         exact.solution.prediction.normalized, abs=0.016
     )
-    # Between tables of the interior, whose targets are fewer, it is interpolated.
+    # The prediction is interpolated between tables of the interior, which have fewer targets.
     assert near.solution.prediction.expected == pytest.approx(
         exact.solution.prediction.expected, abs=0.005 if edges == "wrapped" else 0.01
     )
@@ -381,12 +381,13 @@ def codes(result):
 
 @pytest.mark.parametrize("kind", ["npz", "toml"])
 def test_a_plot_too_small_for_the_aperture_is_said(saved, kind):
-    # Half of the plot's 12.25 m at the top of the canopy: an aperture of 6.1 m h / 9 m.
+    # The limit is half of the plot's 12.25 m at the top of the canopy, which is an aperture of 6.1
+    # m h / 9 m.
     top = resolved(saved["npz"]).scene.canopy_top_m
     widest = 0.5 * 12.25 * 40.0 / top
     within = planned(saved[kind], samples=9, baseline=0.49 * widest)
     beyond = planned(saved[kind], samples=9, baseline=0.52 * widest)
-    if kind == "npz":  # a correlogram ends at its last lag, which may be smaller
+    if kind == "npz":  # A correlogram ends at its last lag, which may be smaller than the reach.
         assert "small_plot" not in codes(within)
     assert "small_plot" in codes(beyond)
     assert (

@@ -1,4 +1,4 @@
-"""From a point cloud to a plan: generated stands, and real ones if they are available."""
+"""Plans from point clouds: of generated stands, and of real stands if they are available."""
 
 import json
 
@@ -126,7 +126,7 @@ def test_statistics_of_a_cloud_have_its_correlogram(stand, capsys):
     rho = np.array(table["rho"])
     assert rho.shape == (len(table["directions_deg"]), len(table["lags"]))
     assert np.array(document["density_by_offset"]).shape == rho.shape
-    assert rho[:, 0].min() > rho[:, -1].max()  # near views are similar, distant ones are not
+    assert rho[:, 0].min() > rho[:, -1].max()  # Close views are similar, and distant views are not.
 
 
 def test_a_scene_without_voxels_is_not_saved_with_them(tmp_path, monkeypatch, capsys):
@@ -171,7 +171,7 @@ def test_the_coverage_rule_on_the_real_stand(cut, baseline):
     given = {"model": "uniform", "min_height": cut, "opacity": "voxels"}
     by_rule = planned(cloud, **given, allow_no_common_ground=True)
     assert by_rule.solution.baseline_m == pytest.approx(baseline, abs=0.01)
-    # The rule also holds within the footprint, and the grid is not wider than the footprint.
+    # The rule is also used within the footprint, and the grid is not wider than the footprint.
     bounded = planned(cloud, **given)
     assert bounded.coverage.baseline_m == by_rule.solution.baseline_m
     assert bounded.solution.baseline_m <= by_rule.solution.baseline_m

@@ -1,4 +1,4 @@
-"""Voxels in one file: the written stand is read back, and nothing else is accepted."""
+"""Voxel files: a stand that was written is read again, and other content is refused."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""The page's section on detection is there with a target, and has the numbers of the plan."""
+"""If the plan has a target, the page has a section about detection with the numbers of the plan."""
 
 import re
 

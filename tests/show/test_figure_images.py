@@ -18,7 +18,9 @@ from aosplan.show.figures.draw import KINDS
 from aosplan.show.figures.style import DARK, rules
 
 MOST_RMS = 1.0
-"""Largest root mean square difference to an approved picture, of 255, with the same matplotlib."""
+"""Largest root mean square difference to an approved picture (of 255), for the same version of
+matplotlib.
+"""
 
 
 NARROW = FigureStyle(DARK, width_mm=140.0)
@@ -205,7 +207,7 @@ SAME = VERSION.read_text().strip() == f"matplotlib {mpl.__version__}"
 
 
 def rms(one, other):
-    """Root mean square difference of two PNG files, of 255; inf if their sizes differ."""
+    """Root mean square difference of two PNG files (of 255); inf if their sizes differ."""
     first, second = (
         np.asarray(Image.open(io.BytesIO(content)).convert("RGB"), dtype=float)
         for content in (one, other)

@@ -1,4 +1,6 @@
-"""Figures: their numbers compared with those of the plan and the scene, and their texts."""
+"""Figures: their numbers are compared with those of the plan and the scene, and their texts are
+tested.
+"""
 
 import json
 import math
@@ -91,7 +93,7 @@ def test_layers_make_a_staircase_of_the_baseline_curve():
     layers = (Layer(2.0, 3.0, 0.1, 0.25), Layer(9.0, 11.0, 0.2, 0.5))
     found = curve_of(LayeredScene("two", layers), 0.98)
     assert found.stepped
-    # The ratios o/H at the middles of layers, weighted by density times thickness.
+    # The curve has the ratios o/H at the middles of layers, weighted by density times thickness.
     assert found.knots == (
         (pytest.approx(0.05), pytest.approx(0.8)),
         (pytest.approx(0.1), pytest.approx(1.0)),

@@ -1,4 +1,4 @@
-"""What the summary says of the flight."""
+"""Tests of the rows about the flight in a plan's summary."""
 
 import re
 

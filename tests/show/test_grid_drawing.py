@@ -1,4 +1,4 @@
-"""Pictures of grids and flights: every site is shown, at any size."""
+"""Drawings of grids and flights: every site is shown, at any size of the drawing."""
 
 import re
 
@@ -58,8 +58,9 @@ def test_pictures_keep_to_their_room_and_show_both_ends(pattern, width, plain):
 @pytest.mark.parametrize(
     ("pattern", "under_marks"),
     [
-        (pattern_for("lanes", 201), 2),  # two dots per baseline, so each letter hides one site
-        (pattern_for("rectangle", 40 * 40), 4),  # and two of neighbouring rows
+        # A baseline is two dots wide, so that each letter hides one site.
+        (pattern_for("lanes", 201), 2),
+        (pattern_for("rectangle", 40 * 40), 4),  # It also hides two sites of neighbouring rows.
     ],
 )
 def test_every_site_is_a_dot_where_the_legend_says_so(pattern, under_marks):
@@ -107,7 +108,8 @@ def test_a_flight_has_north_above_and_east_at_the_right():
     assert drawing[-1] == "S"
     assert "north is up" in " ".join(legend)
     width, height = max(map(len, drawing)), len(drawing)
-    assert width == pytest.approx(2 * 2 * height, abs=4)  # characters are twice as high as wide
+    # Characters are twice as high as they are wide.
+    assert width == pytest.approx(2 * 2 * height, abs=4)
 
 
 def test_flights_of_one_place_and_of_many_points_are_drawn():

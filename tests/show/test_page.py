@@ -1,4 +1,4 @@
-"""The report: its content as text, and how it is written.
+"""The report: tests of its content as text, and of its file.
 
 `test_report_browser.py` opens it in a real browser.
 """
@@ -29,7 +29,9 @@ VOID = {"meta", "input"}
 
 
 class Page(HTMLParser):
-    """Elements of a page in order with the text in each, after a check that all are closed."""
+    """The elements of a page in order, with the text in each.  It is checked that all elements are
+    closed.
+    """
 
     def __init__(self, content):
         super().__init__(convert_charrefs=True)
@@ -184,7 +186,8 @@ def test_nothing_is_loaded_and_nothing_runs_but_the_pages_own(page, content):
 
 
 def test_every_figure_says_what_it_shows(page):
-    assert len(page.of("svg")) == 3  # two charts, and the map for browsers without scripts
+    # There are two charts, and the map for browsers without scripts.
+    assert len(page.of("svg")) == 3
     for picture in page.of("svg"):
         assert picture["role"] == "img"
     assert all(e["text"] for e in [*page.of("title"), *page.of("desc"), *page.of("figcaption")])
@@ -218,8 +221,8 @@ def test_curves_are_the_papers_equation(default):
     by_samples, by_baseline = charts_of(default)
     assert len(by_baseline.rows) > 20
     for baseline, normalized, expected in by_baseline.rows:
-        # Below the rule's baseline the volume is treated as slices, with a larger V than for one
-        # d̂.
+        # Below the baseline of the rule, the volume is treated as slices. V is then larger than
+        # with a single d̂.
         dhat = baseline / default.coverage.baseline_m
         assert expected >= visibility(density, 7, 8, dhat) - 0.01
         assert expected == pytest.approx((1 - density) * (1 + density * normalized), rel=1e-12)

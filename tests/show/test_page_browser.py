@@ -1,7 +1,7 @@
 """The report in a real browser: a headless Chromium that is controlled by Playwright.
 
-The tests are skipped without a browser.  Pages are opened from files.  All requests except the one
-for the page are refused and counted, and any message on the console is a failure.
+The tests are skipped without a browser.  Pages are opened from files.  All requests except that for
+the page are refused and counted.  Any message on the console is a failure.
 """
 
 import json
@@ -81,7 +81,7 @@ def pages(tmp_path_factory):
 
 @pytest.fixture
 def opened(chromium):
-    """A context with an open page, which must make no other requests and print no messages."""
+    """A context with an open page.  The page must not make other requests or print messages."""
 
     @contextmanager
     def open_(path, settings=DESK, **more):
@@ -116,7 +116,7 @@ def scale(page):
 
 
 def pixel(page, index):
-    """Position of a waypoint in pixels of the window, after scrolling the map into view."""
+    """Position of a waypoint in pixels of the window.  The map is scrolled into view first."""
     return page.evaluate(
         """(i) => { const map = document.getElementById("map");
                     map.scrollIntoView({ block: "center" });
@@ -363,7 +363,7 @@ def test_axe_finds_nothing_serious(pages, opened, name):
     _, path = pages(name)
     with opened(path) as page:
         for summary in page.locator("summary").all():
-            if name != "area":  # a hundred rows take seconds, and are like ten
+            if name != "area":  # A hundred rows would take seconds, and test the same as ten rows.
                 summary.click()
         looks = [("light", DESK), ("dark", DESK), ("light", PHONE), ("dark", PHONE)]
         for scheme, settings in looks if name == "default" else looks[::3]:
@@ -473,7 +473,8 @@ def test_a_hostile_name_is_text_and_breaks_no_layout(pages, opened, tmp_path, se
         for summary in page.locator("summary").all():
             summary.click()
         assert overflow(page) <= 0
-        # Browsers show U+0000 and single carriage returns differently, so they are not in the text.
+        # Browsers show U+0000 and single carriage returns differently. They are therefore left out
+        # of the text.
         assert page.locator("header bdi").nth(1).text_content() == HOSTILE
         assert page.locator("#request-toml").text_content() == tomli_w.dumps(
             planned.document()["request"]

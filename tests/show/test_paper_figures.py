@@ -18,7 +18,7 @@ from aosplan.show.figures.paper.registry import FIGURES, checked_number, kind_of
 from aosplan.show.figures.style import DARK, LONGEST, rules
 
 QUICK = ("5", "6")
-"""Figures that are computed in the quick tests, besides 2b."""
+"""Figures that are computed in the quick tests, in addition to 2b."""
 
 EVERY = [
     pytest.param(number, marks=[] if number in QUICK else pytest.mark.slow) for number in FIGURES
@@ -39,7 +39,7 @@ def figure_of():
 
 
 def projects(found):
-    """Numbers of the project by their quantity, without units and standard errors."""
+    """The numbers that aosplan computes, by quantity, without units and standard errors."""
     return {value.quantity: float(value.project.split()[0]) for value in found.values}
 
 
@@ -99,8 +99,9 @@ def test_averaged_patterns_have_the_visibility_of_eq_2(figure_of, number):
     found = figure_of(number)
     points = found.where(part="point") if number == "3" else found.where()
     away = (np.array(points["V_simulated"]) - points["V"]) / points["standard_error"]
-    # Errors that are estimated from 16 patterns: Student's t with 15 degrees of freedom, whose
-    # variance is 15/13; at no disparity the V of all N are equal, so the points are fewer.
+    # The errors are estimated from 16 patterns. The standardised errors have a Student's t
+    # distribution with 15 degrees of freedom, whose variance is 15/13. At disparity 0, V is equal
+    # for all N, so that there are fewer points.
     assert np.mean(away**2) < 15 / 13 + 4 * math.sqrt(3.1 / (len(away) / 2))
 
 

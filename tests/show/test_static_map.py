@@ -1,4 +1,4 @@
-"""The report without scripts: a map that does not move, and a table."""
+"""The report in a browser without scripts: tests of the static map and of the table."""
 
 import re
 from itertools import pairwise
@@ -58,7 +58,7 @@ def test_the_map_shows_every_site_to_scale(name):
         drawn = places(path)
         assert len(drawn) == len(rows)
         for (x, y), row in zip(drawn, rows, strict=True):
-            # The bar and both ends are rounded to a tenth of a pixel.
+            # The length of the bar and both its ends are rounded to a tenth of a pixel.
             near = {"abs": 0.2 * unit, "rel": 0.1 / still.bar[0]}
             assert unit * (x - x0) == pytest.approx(row.east_m - ways.east_m[0], **near)
             assert unit * (y0 - y) == pytest.approx(row.north_m - ways.north_m[0], **near)
@@ -77,7 +77,7 @@ def test_the_footprint_has_its_size_and_the_takeoff_its_place():
     sides = {round(unit * abs(complex(*a) - complex(*b)), 1) for a, b in pairwise(corners)}
     assert sides == {round(side, 1) for side in found.camera.footprint_m(40.0)}
     x, y = still.takeoff
-    assert x < still.first[0]  # the take-off is in the south-west
+    assert x < still.first[0]  # The take-off point is in the south-west.
     assert y > still.first[1]
 
 

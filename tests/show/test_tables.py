@@ -1,4 +1,4 @@
-"""Tables for people: sums and shares."""
+"""Tables on a terminal: tests of sums and shares."""
 
 import pytest
 
@@ -15,7 +15,8 @@ def layer(bottom_m, top_m, density):
 
 
 def test_a_profile_shares_layers_among_the_bands_that_they_cross():
-    # Bands are 25 / 20 m, layers 1 m; some bands contain the middle of one layer, some of two.
+    # Bands are 25 / 20 m high, and layers are 1 m high. Some bands contain the middle of one layer,
+    # and some contain the middles of two layers.
     even = [layer(float(bottom), bottom + 1.0, 0.4) for bottom in range(25)]
     assert shares(density_profile(even)) == [40.0] * 20
     assert shares(density_profile([layer(0.0, 40.0, 0.1)])) == [10.0] * 20

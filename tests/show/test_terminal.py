@@ -1,4 +1,4 @@
-"""Colours, characters and widths depend on the output's destination."""
+"""Colours, characters and widths depend on the destination of the output."""
 
 import ast
 import io
@@ -47,8 +47,8 @@ class Stream(io.StringIO):
     [
         ({}, True, False),
         ({"NO_COLOR": "1"}, False, False),
-        ({"NO_COLOR": "0"}, False, False),  # with any value
-        ({"NO_COLOR": ""}, True, False),  # but not if it is empty
+        ({"NO_COLOR": "0"}, False, False),  # the variable may have any value
+        ({"NO_COLOR": ""}, True, False),  # but not if the variable is empty
         ({"FORCE_COLOR": "1"}, True, True),
         ({"FORCE_COLOR": ""}, True, False),
         ({"CLICOLOR": "0"}, False, False),
@@ -138,7 +138,7 @@ def test_no_number_of_a_table_is_broken_or_cut(monkeypatch, capsys):
             assert word in re.sub("[:,]", "", shown).split()
         is_table = shown.startswith("grid")
         assert is_table == (width >= least), width
-        # + 1, because a combining character has no width
+        # The 1 is added because a combining character has no width.
         assert all(len(line) <= width + 1 for line in shown.splitlines())
 
 

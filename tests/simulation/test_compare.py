@@ -1,4 +1,4 @@
-"""Predictions compared with simulations: correct models agree, and wrong ones are detected."""
+"""Predictions compared with simulations: correct models agree, and wrong models are detected."""
 
 import math
 from dataclasses import replace
@@ -23,12 +23,14 @@ QUICK = {"altitude": 60.0, **UNIFORM}
 
 @pytest.fixture(scope="module")
 def flight():
-    """Nine views with such distances that the thickness of the volume has no effect."""
+    """A plan with nine views.  They are so far apart that the thickness of the volume has no
+    effect.
+    """
     return plan(PlanRequest(samples=9, baseline=16.0, **QUICK))
 
 
 def with_shortfall(made, factor):
-    """The plan with the K of a wrong model."""
+    """The plan with K multiplied by a factor, as from a wrong model."""
     p = made.solution.prediction
     wrong = Prediction(p.density, p.transparency, p.shortfall * factor)
     return replace(made, solution=made.solution._replace(prediction=wrong))
@@ -64,7 +66,8 @@ def test_a_model_that_is_off_in_density_is_caught(flight, change):
     p = flight.solution.prediction
     wrong = Prediction(p.density + change, p.transparency - change, p.shortfall)
     broken = replace(flight, solution=flight.solution._replace(prediction=wrong))
-    # The noise pattern uses the density of the model, so it would have the wrong one, too.
+    # Noise patterns are left out: they use the density of the model, so that their density would be
+    # wrong too.
     found = simulate(flight, Settings(1, 0.002, "noise"))._replace(predicted=wrong, plan=broken)
     assert not found.agree
     assert found.differences[0].startswith("p is ")
@@ -91,7 +94,7 @@ def test_what_of_a_plan_does_not_hold_for_its_photos_is_said(flight, clumped):
     assert [text.split()[0] for text in found.as_flown] == ["p", "V"]
     assert "is for vertical rays" in found.as_flown[0]
     assert found.document()["as_flown"] == found.as_flown
-    # What the model itself gets wrong is a difference, not a question of rays.
+    # An error of the model is reported as a difference, and not as an effect of the rays.
     assert any(text.startswith("V̂") for text in clumped.differences)
     assert not any(text.startswith("V̂") for text in clumped.as_flown)
     assert simulate(flight, Settings(1, 0.02, "noise")).as_flown == []
@@ -141,7 +144,7 @@ def test_no_more_is_simulated_than_the_precision_asks_for(flight):
     assert fine.samples > coarse.samples
     error = fine.simulated.expected_standard_error
     assert error <= 0.0015
-    assert error > 0.0015 / 1.5  # the number of volumes increases by a quarter between checks
+    assert error > 0.0015 / 1.5  # Between two checks, the number of volumes increases by a quarter.
 
 
 def test_a_bound_on_targets_ends_a_simulation_and_is_told(flight):
@@ -186,8 +189,8 @@ def test_z_scores_of_volumes_over_seeds_are_those_of_honest_standard_errors(flig
     spread = np.std(z, axis=0, ddof=1)
     expected = math.sqrt(15 / 13)
     assert np.abs(spread / expected - 1).max() < 4 / math.sqrt(2 * 16)
-    # V̂ has the stated systematic error, which is larger than its standard error; p and V have
-    # none.
+    # V̂ has the given systematic error, which is larger than its standard error. p and V have no
+    # systematic error.
     assert np.abs(np.mean(z, axis=0)[:2]).max() < 4 * expected / math.sqrt(16)
 
 
@@ -206,7 +209,7 @@ def test_slanted_predictions_are_those_of_independent_views():
         for y in 4.0 * points:
             slopes = np.abs(positions - (x, y)).sum(axis=1) / 30.0
             p = 1 - np.exp(-0.5 - 0.7 * slopes)
-            # E[(Σ Y)²] of independent views, pair by pair.
+            # This is E[(Σ Y)²] for independent views, computed pair by pair.
             pairs = np.outer(p, p)
             np.fill_diagonal(pairs, p)
             squares.append(pairs.sum() / 25)

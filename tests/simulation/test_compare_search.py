@@ -1,4 +1,4 @@
-"""Predicted detection compared with searches of forests that the model has not seen."""
+"""Predicted detection, compared with searches of forests that the model has not used."""
 
 import json
 
@@ -35,7 +35,7 @@ def test_as_much_is_seen_as_predicted(compared):
 
 
 def test_a_wrong_threshold_would_be_noticed(compared):
-    """If half of the predicted probability is compared, the comparison fails."""
+    """If the predicted probability is divided by two, the comparison fails."""
     assert not compared._replace(predicted=0.5 * compared.predicted).agree
 
 

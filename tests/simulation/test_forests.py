@@ -1,4 +1,6 @@
-"""Forests from a seed: densities, sizes of occluders, matched stands, limits."""
+"""Random forests: tests of densities, sizes of occluders, stands that match a density, and
+limits.
+"""
 
 import hashlib
 import math
@@ -34,7 +36,7 @@ def test_a_uniform_forest_has_its_slice_density_in_every_slice():
 
 
 def test_a_uniform_forest_hides_what_the_paper_counts():
-    # A ray passes l/o slices, each of which it passes with probability 1 - D.
+    # A ray passes each of l/o slices with probability 1 - D.
     hidden = [
         uniform_forest(generator(2, i), 0.02, 0.5, 1.0, 14.75, (30.0, 30.0)).column_occupancy
         for i in range(30)
@@ -95,7 +97,8 @@ def test_a_clumped_stand_hides_the_share_that_was_asked_for(density):
         clumped_forest(generator(5, i), density, 0.25, 2.5, 17.5, (30.0, 30.0)).column_occupancy
         for i in range(12)
     ]
-    # Stands are matched in expectation; only the random choice of leaves remains.
+    # The expected density of a stand matches. The difference is due only to the random choice of
+    # leaves.
     assert np.std(hidden) < 0.01
     assert abs(np.mean(hidden) - density) < 0.004
 

@@ -1,4 +1,6 @@
-"""Visibility and its standard errors from counts, compared with enumeration and over many seeds."""
+"""Visibility and its standard errors from counts, compared with enumeration and with the variation
+over many seeds.
+"""
 
 import math
 
@@ -74,7 +76,8 @@ def test_standard_errors_are_calibrated_where_samples_differ(number):
     z = np.array(z)
     # Student's t distribution with number - 1 degrees of freedom has this standard deviation.
     expected = math.sqrt((number - 1) / (number - 3))
-    assert np.abs(z.mean(axis=0)).max() < 0.4  # ratios are skewed; a bias would be larger
+    # The tolerance allows for the skewness of ratios. A bias would be larger.
+    assert np.abs(z.mean(axis=0)).max() < 0.4
     assert z.std(axis=0) == pytest.approx(expected, rel=0.16)
     assert (np.abs(z) > 4).mean() < 0.01
 
@@ -87,6 +90,6 @@ def test_few_samples_do_not_pass_the_variance_of_their_mean_for_visibility():
         found.append(estimate(samples).normalized)
         plain.append(estimate(samples, one_plot=True).normalized)
     error = np.std(found) / math.sqrt(len(found))
-    # The square of the mean is biased by many standard errors, the sum over pairs is not.
+    # The square of the mean has a bias of many standard errors. The sum over pairs has no bias.
     assert abs(np.mean(plain) - truth[2]) > 8 * error
     assert abs(np.mean(found) - truth[2]) < 4 * error

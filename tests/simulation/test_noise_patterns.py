@@ -1,4 +1,6 @@
-"""Noise patterns: pixels computed by hand, and the paper's visibility within standard errors."""
+"""Noise patterns: pixels are compared with values computed by hand, and visibility with the paper's
+equations.
+"""
 
 import hashlib
 import math

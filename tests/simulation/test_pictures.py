@@ -1,4 +1,4 @@
-"""The chart, its image through trees, and PNG files."""
+"""Tests of the chart, of its image behind trees, and of PNG files."""
 
 import io
 import sys

@@ -1,4 +1,4 @@
-"""The searched forest: radiances, the detector, and targets on open ground."""
+"""Simulated searches: tests of radiances, of the detector, and of targets on open ground."""
 
 import numpy as np
 import pytest
@@ -25,9 +25,11 @@ def test_a_field_has_variance_one_and_the_stated_correlation():
 
 
 def test_an_integral_sees_through_the_cells_that_its_rays_meet():
-    """One occluder of 1 m at 10 m hides, in each photo from 40 m, the pixels whose rays meet it."""
+    """There is one occluder of 1 m at a height of 10 m.  In each photo from 40 m, it hides exactly
+    the pixels whose rays meet it.
+    """
     cells = np.full((40, 40), np.nan, dtype=np.float32)
-    cells[20, 20] = 3.0  # from 0 to 1 m along both axes
+    cells[20, 20] = 3.0  # The occluder extends from 0 to 1 m along both axes.
     plane = OccluderPlane(10.0, 1.0, (-20.0, -20.0), cells)
     sites = np.array([(0.0, 0.0), (4.0, 0.0)])
     found = integrate_planes([plane], sites, 40.0, (20.0, 20.0))
@@ -60,7 +62,7 @@ def test_the_detector_answers_a_target_with_its_own_window():
     image[150 - rows : 151 + rows, 150 - columns : 151 + columns] += 2.0 * cover
     output = window.output(image)
     assert np.unravel_index(output.argmax(), output.shape) == (150, 150)
-    # The whole target is in the box, and pixels at the window's edges are cut twice.
+    # The whole target is in the box. Pixels at the edges of the window are covered only partly.
     assert output.max() == pytest.approx(2.0 * (1.0 - 0.85 / 4.1**2), rel=0.05)
     assert peaks(output, (0.1, 0.1))[0] == output.max()
 

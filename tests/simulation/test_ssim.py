@@ -1,4 +1,4 @@
-"""SSIM compared with its formula and scikit-image, for whole images and parts of them."""
+"""SSIM, compared with its formula and with scikit-image, for whole images and parts of images."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,8 @@ def test_ssim_of_an_image_with_itself_is_one():
 
 
 def test_ssim_follows_the_formula_at_a_single_window():
-    # A single window: means, variances and covariance with Gaussian weights, by definition.
+    # For a single window, the result follows from means, variances and covariance with Gaussian
+    # weights.
     image, reference = noisy(3), noisy(4) * 0.5 + noisy(3) * 0.5
     covered = np.zeros((60, 70), bool)
     covered[20:31, 30:41] = True

@@ -1,4 +1,4 @@
-"""Counts of views below voxels do not depend on tiles and windows, and agree with known models."""
+"""Counts of hidden targets do not depend on tiles and windows, and agree with known models."""
 
 import numpy as np
 import pytest
@@ -92,7 +92,9 @@ def simulated(make, altitude_m, positions, view, samples, size_m):
 
 
 def slanted_density(transparency, altitude_m, positions):
-    """Share hidden from cameras above targets by cubes: 1 - T to the power 1 + |tan x| + |tan y|."""
+    """Share of the targets that cubes hide from cameras.  It is 1 - T to the power 1 + |tan x| +
+    |tan y|.
+    """
     return (1 - transparency ** (1 + np.abs(positions).sum(axis=1) / altitude_m)).mean()
 
 

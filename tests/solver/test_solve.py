@@ -68,7 +68,8 @@ def test_the_best_grid_is_the_best_of_all_kinds_by_themselves(model, objective, 
 def test_a_grid_over_no_common_ground_is_taken_only_where_there_is_no_other():
     problem = Problem(PAPER, vhat("0.98"))
     problems = [problem._replace(grid=grid) for grid in kinds("best")]
-    assert solve_best(problems).problem.grid.name == "line"  # as many samples, but a shorter flight
+    # the same number of samples, but a shorter flight
+    assert solve_best(problems).problem.grid.name == "line"
     grounded = solve_best(problems, footprint_m=(30.0, 30.0))
     assert grounded.problem.grid.name == "trimmed"
     assert "line 50 without ground that all samples see" in grounded.solution.limits[-1].message
@@ -94,11 +95,14 @@ def test_options_that_are_left_open_are_all_compared():
 
 
 def hedges(angle_deg):
-    """Walls of leaves along one direction; views along a line across them see more."""
+    """Parallel walls of leaves.  Views from a line across the walls see more than views from a line
+    along them.
+    """
     cells = np.arange(64) * 0.25
     x, y = np.meshgrid(cells, cells)
     angle = math.radians(angle_deg)
-    across = x * math.cos(angle) - y * math.sin(angle)  # to the right of the angle
+    # The walls are perpendicular to this direction, which is to the right of the angle.
+    across = x * math.cos(angle) - y * math.sin(angle)
     rows = np.zeros((32, 64, 64), dtype=bool)
     rows[12:28] = (across % 4.0 < 1.0) & (np.random.default_rng(1).random((16, 64, 64)) < 0.5)
     return VoxelVolume(rows, 0.25, min_height_m=0.5, source="generated")
@@ -133,7 +137,7 @@ def test_turning_a_problem_turns_its_models_and_the_wind_in_its_axes():
     turned = problem.turned(90.0)
     assert turned.model.heading_deg == turned.surrogate.heading_deg == 90.0
     assert problem.model.heading_deg == problem.surrogate.heading_deg == 0.0
-    # After a right turn of the axes, wind along the old heading is to the left.
+    # If the axes turn to the right, wind along the old heading is to the left of the new heading.
     assert turned.timing.wind == pytest.approx((1.0, -3.0))
     pattern = GridKind("line").pattern(5)
     fresh = hedge_problem(GridKind("line"), heading=90.0)

@@ -1,4 +1,6 @@
-"""The search for models whose visibility may fall with the baseline, compared with enumeration."""
+"""The search for models whose visibility may decrease if the baseline increases, compared with
+enumeration.
+"""
 
 import math
 import re
@@ -30,7 +32,9 @@ def vhat(text):
 
 
 class Scanned:
-    """A model that rises with the baseline but does not state it, so that the scan is used."""
+    """A model whose visibility increases with the baseline, but which does not say so.  The scan is
+    therefore used.
+    """
 
     heading_deg = None
     rises_with_baseline = False
@@ -45,12 +49,14 @@ class Scanned:
 
 
 CLEARING = Stand(5, 4, 14.0, 3.0, 0.5, 0.4, 1.5)
-"""A few dense trees, for which the surrogate has the largest errors."""
+"""A stand with a few dense trees.  For such stands, the surrogate has the largest errors."""
 
 
 @pytest.fixture(scope="module")
 def stands():
-    """Measured problems on generated stands, small enough to enumerate."""
+    """Problems with the measured model and generated stands.  They are small enough for
+    enumeration.
+    """
     found = {}
     for name, stand in (("beech", STANDS["beech"]), ("clearing", CLEARING)):
         volume = clumped_forest(stand, side_m=16.0, voxel_m=0.5)
@@ -107,7 +113,8 @@ def test_the_best_visibility_of_the_uniform_model_takes_the_fewest_samples_near_
     )
     assert found.pattern.samples == enough
     assert found.baseline_m == 3.5
-    # The best that it is near is stated: 400 photos, the most that this objective takes.
+    # The solution also gives the best value, at 400 photos. This is the largest number for this
+    # objective.
     (stated,) = (each for each in found.limits if each.quantity == "visibility")
     assert (stated.value, stated.bound) == (found.prediction.expected, pytest.approx(limit))
     assert "N = 400 and b = 3.5 m" in stated.message
@@ -115,7 +122,9 @@ def test_the_best_visibility_of_the_uniform_model_takes_the_fewest_samples_near_
 
 @pytest.mark.parametrize("density", [0.9, 0.98, 0.998])
 def test_where_little_is_seen_the_slack_is_one_per_cent_of_it(density):
-    """The slack is not half a per cent of the ground, which a single photo might reach."""
+    """For small visibilities, the slack is not 0.5 % of the ground, because a single photo might be
+    within such a slack.
+    """
     model = UniformModel(density, 1.0 - density, 3.5)
     found = solve(Problem(model, vhat("0.98"), objective="visibility"))
     # V = (1 - p)(1 + p V̂), and V̂ is at most 1 - 1/N.
@@ -128,12 +137,13 @@ def test_where_little_is_seen_the_slack_is_one_per_cent_of_it(density):
 
 def test_contrast_grows_with_independent_samples_up_to_their_bound():
     found = solve(Problem(PAPER, vhat("0.98"), bounds=Bounds(max_samples=64), objective="contrast"))
-    # Contrast is proportional to √N: 63 samples are within 1 % of 64, and 62 are not.
+    # Contrast is proportional to √N. The contrast of 63 samples is within 1 % of that of 64
+    # samples, but that of 62 samples is not.
     assert found.pattern.samples == 63
 
 
 def enumerated(problem, most):
-    """Every pattern of a kind at every baseline of the scan, predicted by the model alone."""
+    """Every pattern of a kind at every baseline of the scan, with the predictions of the model."""
     scan = Scan(problem)
     for samples in range(1, most + 1):
         pattern = problem.grid.pattern(samples)
@@ -198,7 +208,7 @@ def test_nothing_that_enumeration_finds_costs_less(stands, stand, grid, bounds):
         scan = Scan(asked)
         best = max(scan.value(each[2]) for each in every)
         assert scan.value(found.prediction) >= scan.near(best) - 0.5 * (best - scan.near(best))
-        # No pattern with fewer samples is as close to the best as the slack requires.
+        # No pattern with fewer samples is within the slack of the best one.
         fewer = (scan.value(each[2]) for each in every if each[0].samples < found.pattern.samples)
         assert max(fewer, default=0.0) < best
 

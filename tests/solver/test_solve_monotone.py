@@ -37,11 +37,16 @@ MOST_KINDS = [
     pytest.param(kind, marks=[pytest.mark.slow] if kind in ("line", "spiral") else [])
     for kind in KINDS
 ]
-"""Lines and spirals have a pattern for each number of samples, so enumeration takes long."""
+"""Kinds of grid.  Lines and spirals are slow tests, because they have a pattern for each number of
+samples.
+"""
 
 
 def smallest_baseline(problem, pattern):
-    """By 45 bisections without the tolerance; the widest if only that helps, None if nothing does."""
+    """The smallest baseline that meets the target, found by 45 bisections without the tolerance.
+
+    It is the widest baseline if only this one meets the target, and None if no baseline does.
+    """
     low, high = 0.0, widest(problem, pattern)
     if not reaches(problem, pattern, high):
         return None
@@ -65,7 +70,7 @@ def flight_time(problem, pattern, baseline):
     return path_of(pattern).time_s(baseline, problem.timing)
 
 
-# --- Against enumeration -------------------------------------------------------------------
+# --- Comparison with enumeration -----------------------------------------------------------
 
 
 @pytest.mark.parametrize("quantity", ["normalized", "visibility"])
@@ -80,11 +85,13 @@ def test_the_fewest_samples_are_those_that_enumeration_finds(grid, quantity):
             solved += 1
             assert found.met
             assert reaches(problem, found.pattern, found.baseline_m)
-            if isinstance(problem.model, UniformModel):  # the paper's rule, or the widest allowed
+            # the baseline of the paper's rule, or the widest one that is allowed
+            if isinstance(problem.model, UniformModel):
                 assert found.baseline_m == widest(problem, found.pattern)
             else:
                 smallest = smallest_baseline(problem, found.pattern)
-                # A spiral's last neighbours stop sharing occluders where K is flat: √(1e-15).
+                # Near the baseline at which the last neighbours of a spiral stop sharing occluders,
+                # K is flat. The tolerance is therefore √(1e-15).
                 accuracy = 1e-7 if grid == "spiral" else 1e-11
                 assert found.baseline_m == near(smallest, rel=accuracy)
     assert solved > 10
@@ -147,7 +154,7 @@ TWO_SLICES = LayeredModel([Layer(2.0, 2.0, 0.2, 0.5), Layer(8.0, 8.0, 0.2, 0.5)]
 def test_the_least_time_is_found_where_few_samples_need_a_smaller_extent_than_many(
     model, grid, target, timing
 ):
-    """A dense grid needs a larger extent than a sparse one whose samples are all at its rim."""
+    """A dense grid needs a larger extent than a sparse grid whose samples are all at its rim."""
     problem = Problem(model, vhat(target), GridKind(grid), objective="time", timing=timing)
     candidates = enumerate_baselines(problem, 60)
     least = min(flight_time(problem, *candidate) for candidate in candidates)
@@ -236,7 +243,7 @@ def test_with_both_fixed_the_plan_is_only_evaluated(objective):
 
 
 def test_with_both_fixed_a_visibility_that_nothing_reaches_is_missed_not_refused():
-    """Infinitely many samples reach 0.6785, but the plan is evaluated anyway."""
+    """Infinitely many samples would reach 0.6785.  The plan is still computed."""
     for baseline in (3.5, 1.0):
         problem = Problem(PAPER, visible("0.9"), bounds=Bounds(baseline_m=baseline, samples=49))
         found = solve(problem)
@@ -250,7 +257,9 @@ def test_with_both_fixed_a_visibility_that_nothing_reaches_is_missed_not_refused
 @pytest.mark.parametrize("quantity", ["normalized", "visibility"])
 @pytest.mark.parametrize("grid", KINDS)
 def test_samples_required_are_the_fewest_that_do_at_the_baseline_of_the_answer(grid, quantity):
-    """They are compared with lines, lanes and spirals for these kinds, otherwise with all numbers."""
+    """For lines, lanes and spirals, they are compared with patterns of the same kind, and otherwise
+    with all numbers of samples.
+    """
     solved = 0
     for problem in problems(6, 30, grid=grid, objective="samples", quantity=quantity):
         found = attempt(problem._replace(bounds=Bounds()))

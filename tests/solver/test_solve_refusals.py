@@ -1,4 +1,6 @@
-"""The limit that determined an answer, and refusals of targets, whose numbers are all checked."""
+"""Limits that determined a solution, and errors for targets that cannot be met.  All numbers in the
+messages are checked.
+"""
 
 import math
 import re
@@ -85,7 +87,9 @@ AT_MOST = rf"at most V̂ = {NUMBER} with {NUMBER} samples {NUMBER} m apart"
 
 @pytest.mark.parametrize("grid", KINDS)
 def test_a_refusal_says_what_is_reachable_and_it_is(grid):
-    """The stated best value is reached at the stated baseline, within the bounds, and is the best."""
+    """The best value in the message is reached at the baseline in the message, within the bounds,
+    and no better value is possible.
+    """
     seen = 0
     for problem in problems(8, 80, grid=grid, objective="samples", aperture=True):
         if enumerate_samples(problem, problem.bounds.max_samples) is not None:
@@ -134,7 +138,9 @@ def test_a_refusal_without_a_remedy_has_none_among_apertures(grid):
 @pytest.mark.parametrize("objective", OBJECTIVES)
 @pytest.mark.parametrize("grid", KINDS)
 def test_the_samples_that_a_refusal_asks_for_are_enough(grid, objective):
-    """With 49 allowed, 50 are needed; 51, 56 or 64 if rows have to be complete."""
+    """At most 49 samples are allowed, but 50 are needed.  If rows have to be complete, 51, 56 or 64
+    are needed.
+    """
     problem = Problem(PAPER, vhat("0.98"), GridKind(grid), Bounds(max_samples=49), objective)
     error = refused(problem)
     (needed,) = numbers(rf"allow {NUMBER} samples", error.hint)
@@ -145,7 +151,7 @@ def test_the_samples_that_a_refusal_asks_for_are_enough(grid, objective):
 @pytest.mark.parametrize("grid", ["rectangle", "square", "lanes"])
 @pytest.mark.parametrize("objective", OBJECTIVES)
 def test_too_few_samples_for_whole_rows_are_refused_like_any_other(grid, objective):
-    """50 would be sufficient, but such a grid has 51, 56 or 64."""
+    """50 samples would be sufficient, but such a grid has 51, 56 or 64 samples."""
     error = refused(Problem(PAPER, vhat("0.98"), GridKind(grid), Bounds(max_samples=50), objective))
     assert "at most V̂ = 0.9" in error.message
     assert error.hint

@@ -1,4 +1,6 @@
-"""A Dask cluster of separate processes gives the same bytes, even if processes end on the way."""
+"""A Dask cluster of separate processes gives the same bytes, even if processes end during the
+sweep.
+"""
 
 import contextlib
 import json
@@ -55,7 +57,7 @@ def campaign(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def local(campaign):
-    """The result of this process alone."""
+    """The result of a sweep in a single process."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(scenarios_module, "ROWS_A_BLOCK", 40)
         out = campaign.parent / "local.parquet"
@@ -68,7 +70,7 @@ def local(campaign):
 
 @contextlib.contextmanager
 def once_parts_are_done(out, count, act):
-    """Do something as soon as a run has a number of parts."""
+    """Call a function when a run has completed a given number of parts."""
     journal = out.parent / f"{out.name}.journal.jsonl"
     acted = []
 
@@ -188,7 +190,7 @@ def test_a_result_that_dies_with_its_worker_is_computed_again(
 
     def fetch(future, index, fetch=cluster_module.result_of):
         fetched.append(index)
-        if len(fetched) == 5:  # this task is finished, but the worker still has its result
+        if len(fetched) == 5:  # This task is finished, but its result is still with the worker.
             end(cluster.workers.pop())
             if another:
                 cluster.add_worker()
@@ -264,7 +266,7 @@ def test_a_line_that_is_cut_is_an_error(cluster, campaign, local, tmp_path, caps
 
 @pytest.fixture
 def small_disk(tmp_path):
-    """A disk with room for some parts."""
+    """A disk with space for only some of the parts."""
     place = tmp_path / "disk"
     place.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=100k", "none", str(place)]
@@ -349,7 +351,7 @@ def test_where_no_scheduler_answers_it_is_an_error(
     assert sweep(campaign, "--out", tmp_path / "r.csv", "--scheduler", address) == 1
     assert time.monotonic() - start_s < 10.0
     assert_error(capsys, f"no scheduler answers at '{address}'", "dask scheduler")
-    assert os.listdir(tmp_path) == []  # nothing was finished, so nothing is kept
+    assert os.listdir(tmp_path) == []  # No part was finished, so that no file remains.
 
 
 def test_a_worker_is_no_scheduler(cluster, campaign, tmp_path, capsys):

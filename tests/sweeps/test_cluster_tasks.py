@@ -1,4 +1,6 @@
-"""A worker of a cluster writes its part only, completely or not at all, from unchanged files."""
+"""A worker of a cluster writes only its part, completely or not at all, and only if the input files
+are unchanged.
+"""
 
 import os
 import pickle

@@ -149,7 +149,7 @@ def test_a_sweep_of_files_that_have_changed_is_not_resumed(
 
 @pytest.mark.slow
 def test_workers_change_no_byte(tmp_path):
-    # In a separate process, because workers are spawned and import the main module.
+    # The sweep runs in a separate process, because workers are spawned and import the main module.
     many = tmp_path / "many.toml"
     many.write_text(
         "[sweep]\naltitude = { start = 45, stop = 120, count = 300000 }\nvhat = [0.9, 0.98]\n"
@@ -173,7 +173,8 @@ def test_workers_change_no_byte(tmp_path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_an_interruption_of_the_first_process_alone_ends_its_workers(tmp_path):
-    # A terminal interrupts all processes of a command, a job manager only the first.
+    # A terminal interrupts all processes of a command. A job manager interrupts only the first
+    # process.
     status, error = ended(tmp_path, lambda pid: os.kill(pid, signal.SIGINT))
     assert status == 130
     assert error == "hint: finished parts are kept; --resume continues the sweep\n"
@@ -182,7 +183,7 @@ def test_an_interruption_of_the_first_process_alone_ends_its_workers(tmp_path):
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_waits_end_when_they_are_interrupted(campaign, tmp_path):
-    # The handler of the columnar library would let them continue.
+    # The signal handler of polars would let the processes continue.
     code = (
         "import os, signal, threading\nfrom aosplan.cli.app import run\n"
         f"assert run(['sweep', {str(campaign)!r}, '--out', {str(tmp_path / 'r.csv')!r}]) == 0\n"
@@ -197,7 +198,7 @@ def test_waits_end_when_they_are_interrupted(campaign, tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_a_termination_leaves_whole_parts_alone(tmp_path):
     def terminate(pid):
-        # A file as a worker leaves it if it ends in the middle of a part.
+        # Such a file remains if a worker ends while it writes a part.
         (tmp_path / "r.csv.parts" / f"00000099.csv.{'0' * 32}.tmp").write_text("altitude")
         os.kill(pid, signal.SIGTERM)
 
@@ -212,7 +213,8 @@ def test_a_termination_leaves_whole_parts_alone(tmp_path):
 def test_a_worker_that_dies_is_an_error(tmp_path):
     def kill_workers(pid):
         for child in children_of(pid):
-            with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
+            # The process has just ended.
+            with contextlib.suppress(FileNotFoundError, ProcessLookupError):
                 with open(f"/proc/{child}/cmdline", encoding="utf-8") as line:
                     is_worker = "spawn_main" in line.read()
                 if is_worker:
@@ -252,7 +254,8 @@ def ended(folder, act):
                 assert process.poll() is None
                 time.sleep(0.05)
             act(process.pid)
-            error = process.communicate(timeout=60)[1]  # stderr closes with the last process
+            # stderr is closed when the last process ends.
+            error = process.communicate(timeout=60)[1]
         except BaseException:
             os.killpg(process.pid, signal.SIGKILL)
             raise
@@ -314,7 +317,7 @@ def test_names_of_files_are_no_formulas(tmp_path, monkeypatch):
 @pytest.mark.parametrize("megabytes", [300, 600, 900])
 @pytest.mark.parametrize("where", [["--summary"], ["--out", "r.csv"]])
 def test_too_little_memory_is_one_error_line(campaign, tmp_path, megabytes, where):
-    # The columnar library would end the process with a message of its own.
+    # polars would end the process with its own message.
     import resource
 
     done = subprocess.run(

@@ -1,4 +1,6 @@
-"""A result in a folder of parts is complete or missing, and is repaired if it was damaged."""
+"""A result in a folder of parts is either complete or missing, and is repaired if it was
+damaged.
+"""
 
 import json
 import os
@@ -38,7 +40,7 @@ def campaign(tmp_path):
 
 @pytest.fixture
 def solved(monkeypatch):
-    """A list of the indices of parts as they are solved."""
+    """A list of the indices of parts, in the order in which they are solved."""
     solve, places = run_module.solve_part, []
 
     def noted(sweep, index, *rest):
@@ -110,7 +112,7 @@ def test_an_interrupted_folder_is_not_there_until_it_is_whole(campaign, tmp_path
     assert not folder.exists()
     # exists, and neither --resume nor --force is given
     assert sweep(campaign, "--out", f"{folder}/") == 2
-    # An incomplete line of the journal, and incomplete files of the interrupted run.
+    # The interrupted run has left an incomplete line in the journal, and incomplete files.
     with (tmp_path / "r.journal.jsonl").open("a") as journal:
         journal.write('{"part": 2, "ro')
     (tmp_path / "r.parts" / f"part-00002.parquet.{'0' * 32}.tmp").write_bytes(b"PAR1")
@@ -237,7 +239,8 @@ def test_wrong_folders_are_errors(campaign, tmp_path, capsys, out, arguments, wo
 
 
 def test_every_part_has_the_types_of_the_whole(tmp_path):
-    # In the first part these are empty, in the second heading is a number, in the last a text.
+    # In the first part, these columns are empty. The column heading has a number in the second part
+    # and text in the last.
     path, rows = tmp_path / "rows.csv", []
     for row in range(75):
         heading = ("", "12.5", "best")[row // 25]

@@ -1,4 +1,6 @@
-"""The summary of a sweep has the numbers of the stored file, however the sweep was run."""
+"""The summary of a sweep agrees with the rows in the file, for all ways in which the sweep can be
+run.
+"""
 
 import contextlib
 import io
@@ -114,7 +116,7 @@ OPTIONS = [
 
 @pytest.fixture(scope="module")
 def everything(tmp_path_factory):
-    """The file of a campaign, and all its rows."""
+    """The file of a sweep, and all its rows."""
     folder = tmp_path_factory.mktemp("campaign")
     path, out = folder / "campaign.toml", folder / "all.parquet"
     path.write_text(CAMPAIGN, encoding="utf-8")
@@ -124,7 +126,9 @@ def everything(tmp_path_factory):
 
 @pytest.fixture(scope="module", params=OPTIONS, ids=" ".join)
 def stored(request, everything):
-    """Options, the summary with them, all rows, the kept rows, and those of them with a plan."""
+    """Options, the summary with these options, all rows, the kept rows, and the kept rows with a
+    plan.
+    """
     options, (path, frame) = request.param, everything
     kept, said = frame, io.TextIOWrapper(io.BytesIO(), "utf-8")
     if "--where" in options:
@@ -230,7 +234,7 @@ def test_words_and_what_rows_leave_out_are_told_apart(tmp_path, capsys):
     assert [group["value"] for group in groups["samples"]] == [64, None]
     assert [group["scenarios"] for group in groups["samples"]] == [150, 150]
     assert [group["value"] for group in groups["heading"]] == [30.0, 45.0, None, "best"]
-    # 37 altitudes are too many for one line each.
+    # 37 altitudes are too many to have one line each.
     assert len(groups["altitude"]) == 10
     assert (groups["altitude"][0]["first"], groups["altitude"][-1]["last"]) == (20.0, 56.0)
     for parts in groups.values():

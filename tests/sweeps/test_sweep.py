@@ -1,4 +1,6 @@
-"""Sweeps have the same numbers as `plan` in each row, and the same bytes however they were run."""
+"""Each row of a sweep has the same numbers as `plan`, and the bytes do not depend on the way in
+which the sweep is run.
+"""
 
 import json
 import math

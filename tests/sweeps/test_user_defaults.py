@@ -1,4 +1,6 @@
-"""The user's own defaults apply below the scenarios of a sweep and in a trade-off."""
+"""The user's own defaults are used in sweeps, in which scenarios override them, and in
+trade-offs.
+"""
 
 import json
 import os

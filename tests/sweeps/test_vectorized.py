@@ -1,4 +1,6 @@
-"""Columns and rows with common geometry have the numbers and messages of `plan`."""
+"""Scenarios that are solved as columns, and rows with shared models, have the same numbers and
+messages as `plan`.
+"""
 
 import math
 
@@ -104,7 +106,7 @@ def test_columns_have_the_numbers_and_the_words_of_plan(crossing):
     left = solved.left.reshape(-1)
     for row in np.random.default_rng(0).permutation(block.rows)[:20].tolist():
         if left[row]:
-            continue  # such rows are planned one by one
+            continue  # Such rows are solved one by one.
         words = "" if reason[row] < 0 else solved.statuses.texts[reason[row]]
         state, why, expected = by_plan(block.request_values(row))
         assert (STATUSES[status[row]], words) == (state, why)
@@ -114,9 +116,9 @@ def test_columns_have_the_numbers_and_the_words_of_plan(crossing):
             found = np.broadcast_to(solved.columns[name], block.shape).reshape(-1)[row]
             if name in WHOLE and not math.isnan(expected[name]):
                 assert found == expected[name], name
-            # exp and log of arrays and of floats are rounded differently.  A plan measures its legs
-            # between waypoints, whose coordinates have rounding errors in proportion to the length
-            # of all N legs.
+            # exp and log of arrays and of floats are rounded differently. In a plan, legs are
+            # measured between waypoints, whose coordinates have rounding errors in proportion to
+            # the length of all N legs.
             legs = expected["samples"] if name.startswith("flight_") else 0
             rel = 1e-12 + legs * 2.0**-52
             assert found == pytest.approx(expected[name], rel=rel, nan_ok=True), name

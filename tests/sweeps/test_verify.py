@@ -1,4 +1,4 @@
-"""Simulation of a sample of a sweep's rows: how it is drawn, and how it is judged."""
+"""Simulation of a sample of a sweep's rows: tests of the selection of rows, and of the verdict."""
 
 import json
 import math
@@ -60,7 +60,8 @@ def test_extremes_and_words_are_among_the_sample():
     requests = {each: v.scenario(CROSSING, each.row) for each in chosen}
     strata = {name: requests[each] for each in chosen for name in each.strata}
     assert len(strata) == 8
-    # Below the canopy there are no plans, so the lowest altitude is the next one.
+    # Altitudes within the canopy have no plan. The lowest altitude with a plan is therefore the
+    # next one.
     assert strata["altitude least"]["altitude"] == 30.0
     assert strata["altitude most"]["altitude"] == 80.0
     assert strata["vhat least"]["vhat"] == 0.5
@@ -121,13 +122,13 @@ def test_chances_are_those_of_student():
 
 
 def test_the_worst_of_many_is_as_large_as_expected():
-    # The largest of 60 normal deviates in 20000 trials: half are above the median, 1 % above
-    # critical.
+    # The largest of 60 normal deviates is simulated 20000 times. Half of the results are above the
+    # median, and 1 % are above the critical value.
     worst = np.abs(np.random.default_rng(2).normal(size=(20_000, 60))).max(axis=1)
     for chance in (0.5, v.LEVEL):
         share = (worst > v.worst_expected(60, chance)).mean()
         assert abs(share - chance) < 4.0 * math.sqrt(chance * (1.0 - chance) / 20_000)
-    # The probability of the largest deviate is the inverse function.
+    # The function for the probability of the largest deviate is the inverse.
     single = 2.0 * stats.norm.sf(v.worst_expected(60, 0.01))
     assert v.chance_of_worst(single, 60) == pytest.approx(0.01, rel=1e-9)
     assert v.chance_of_worst(1e-300, 60) == pytest.approx(6e-299)
@@ -184,7 +185,8 @@ def test_one_wrong_prediction_among_many_is_found(noise_checks):
 
 
 def test_what_would_be_doubtful_alone_is_not_among_many(noise_checks):
-    # 3.2 standard errors of 16 samples: less than 1 % probability alone, but not among 120.
+    # A difference of 3.2 standard errors, for 16 samples, has a probability of less than 1 %. As
+    # the worst of 120 comparisons, it has a larger probability.
     simulation = noise_checks[0].simulation
     assert simulation.samples >= 16
     error = simulation.simulated.density_standard_error
@@ -280,7 +282,7 @@ def test_the_table_says_how_to_see_the_worst_again(campaign, capsys):
     assert max(map(len, out.splitlines())) <= 80
     for words in ("2 rows simulated, seed 1", "Predicted and simulated agree.", "Šidák"):
         assert words in out
-    # The rest of the output is one shell command over several lines.
+    # The remaining output is one shell command in several lines.
     command = out.partition("Again:\n")[2].rstrip("\n")
     assert "\\\n" in command
     program, *again = shlex.split(command.replace("\\\n", ""))
@@ -316,7 +318,7 @@ def test_nothing_met_is_nothing_simulated(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_without_common_ground_each_target_has_its_own_aperture():
-    # 25 samples with such distances have no ground in common.
+    # With such a distance, 25 samples do not have any ground in common.
     values = {
         "altitude": column_of([40.0]),
         "samples": column_of([25]),

@@ -130,7 +130,7 @@ def test_a_parquet_that_is_none_is_an_error(folder, refused, content):
 
 
 def frames():
-    """Columns that no scenario can have, and words of the error message."""
+    """Columns that are not valid for any scenario, and words of the error message."""
     return [
         ({"height": [40.0]}, ["column 'height' is not an option"]),
         ({"altitude": pl.Series([], dtype=pl.Float64)}, ["no rows"]),
@@ -175,7 +175,7 @@ def test_csv_has_its_ways(folder, content):
 
 
 def test_rows_without_holes_are_solved_beside_rows_with_them(folder):
-    # The first row has no empty field, but its columns are those of the whole table.
+    # No field of the first row is empty, but its columns have the types of the whole table.
     (folder / "s.csv").write_text("altitude,vhat,samples\n40,0.9,20\n50,0.9,\n,0.9,\n")
     assert run(["sweep", "s.csv", "--out", "r.jsonl"]) == 0
     rows = [json.loads(line) for line in (folder / "r.jsonl").read_text().splitlines()]
