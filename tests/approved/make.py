@@ -24,7 +24,7 @@ from aosplan.show.figures.draw import KINDS
 from aosplan.show.figures.grid import grid_of
 from aosplan.show.figures.paper.registry import numbers_of
 from aosplan.show.figures.style import DARK
-from aosplan.show.figures.sweep import Cell, MapFigure, ScatterFigure
+from aosplan.show.figures.sweep_results import Cell, Group, MapFigure, PanelsFigure, ScatterFigure
 from aosplan.show.figures.tradeoff import tradeoff_of
 from aosplan.show.figures.visibility import visibility_of
 
@@ -71,6 +71,19 @@ FIGURES = {
         6,
         ((5.0, 50.0), (7.0, 44.0), (9.0, 60.0), (12.0, 30.0), (20.0, 29.0), (30.0, 33.0)),
         ((5.0, 50.0), (7.0, 44.0), (12.0, 30.0), (20.0, 29.0)),
+    ),
+    "sweep-scatter-groups": lambda: FIGURES["sweep-scatter"]()._replace(
+        by="altitude",
+        groups=(
+            Group(30, ((5.0, 50.0), (7.0, 44.0), (9.0, 60.0))),
+            Group(50, ((12.0, 30.0), (20.0, 29.0), (30.0, 33.0))),
+        ),
+    ),
+    "sweep-scatter-shades": lambda: FIGURES["sweep-scatter"]()._replace(
+        by="baseline_m", shades=(1.0, 1.5, 2.2, 2.8, 3.1, 4.0)
+    ),
+    "sweep-scatter-panels": lambda: PanelsFigure(
+        "speed", (3, 8), tuple(FIGURES["sweep"]() for _ in range(2))
     ),
     "paper": lambda: numbers_of("2b"),
 }

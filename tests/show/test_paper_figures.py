@@ -214,7 +214,7 @@ def test_numbers_are_read_as_people_write_them(text, number):
         ("paper", "no figure of the paper is given", "one of 2b,"),
         ("paper 5 --seed -1", "--seed '-1' is not a whole number from 0", ""),
         ("paper 5 --altitude 40", "--altitude cannot be used with figures of the paper", ""),
-        ("paper 5 --x N", "--x, --y and --value are for sweep, not for paper", ""),
+        ("paper 5 --x N", "--x, --y, --value and --by are for sweep, not for paper", ""),
         ("grid --altitude 40 --seed 3", "--seed is for paper, not for grid", ""),
     ],
 )

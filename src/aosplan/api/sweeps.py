@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 from aosplan.api.summarized import Summarized
 from aosplan.errors import RequestError
@@ -48,6 +48,25 @@ class Sweep(Summarized, _Frame):
         shown = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
         return headline, {"Status": counted, "Columns": shown}
 
+    @overload
+    def plot(
+        self,
+        ax: Axes | None = None,
+        *,
+        x: str | None = None,
+        y: str | None = None,
+        value: None = None,
+        by: str | None = None,
+    ) -> Axes: ...
+
+    @overload
+    def plot(
+        self, ax: Axes | None = None, *, x: str, y: str, value: str, by: None = None
+    ) -> Axes: ...
+
+    @overload
+    def plot(self, ax: None = None, *, x: str, y: str, value: str, by: str) -> Any: ...
+
     def plot(
         self,
         ax: Axes | None = None,
@@ -55,7 +74,8 @@ class Sweep(Summarized, _Frame):
         x: str | None = None,
         y: str | None = None,
         value: str | None = None,
-    ) -> Axes:
+        by: str | None = None,
+    ) -> Any:
         """Draw one column over another, or draw a third one as a map over two columns.
 
         Parameters
@@ -66,13 +86,21 @@ class Sweep(Summarized, _Frame):
             Columns for the two axes; ``samples`` and ``flight_time_s`` by default.
         value
             A result that is drawn as a map over x and y.
+        by
+            A column that colours the points, or that has a map for each of its values.
+
+        Returns
+        -------
+        ax
+            The axes; an array of them for several maps.
         """
         from aosplan.show.figures.axes import plotted
         from aosplan.show.figures.draw import KINDS
-        from aosplan.show.figures.sweep import frame_of
+        from aosplan.show.figures.sweep_columns import ColumnChoice
+        from aosplan.show.figures.sweep_results import frame_of
 
-        found: Axes = plotted(KINDS["sweep"], frame_of(self.frame.lazy(), x, y, value), ax)
-        return found
+        shown = frame_of(self.frame.lazy(), ColumnChoice(x, y, value, by))
+        return plotted(KINDS["sweep"], shown, ax)
 
 
 def sweep(

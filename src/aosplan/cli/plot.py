@@ -23,6 +23,7 @@ from aosplan.messages import SCHEMA
 from aosplan.planning.user_defaults import request_of
 from aosplan.show.figures.draw import KINDS, FigureData, FigureKind
 from aosplan.show.figures.style import printable
+from aosplan.show.figures.sweep_columns import ColumnChoice
 from aosplan.show.text.terminal import readable, written_text
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ def run(
     x: str | None,
     y: str | None,
     value: str | None,
+    by: str | None,
     seed: str | None,
     force: bool,
     quiet: bool,
@@ -59,14 +61,14 @@ def run(
         check_output(out, force=force)
         check_extra()
     for source, given, names in (
-        ("results", (x, y, value), "--x, --y and --value are for sweep"),
+        ("results", (x, y, value, by), "--x, --y, --value and --by are for sweep"),
         ("paper", (seed,), "--seed is for paper"),
     ):
         if chosen.source != source and any(each is not None for each in given):
             raise RequestError(f"{names}, not for {chosen.name}")
     shown: FigureData
     if chosen.source == "results":
-        shown = _of_results(file, flags, x, y, value)
+        shown = _of_results(file, flags, ColumnChoice(x, y, value, by))
     elif chosen.source == "paper":
         chosen, shown = _of_paper(file, flags, seed, quiet=quiet)
     elif chosen.source == "scene":
@@ -172,16 +174,14 @@ def _of_scene(
     )
 
 
-def _of_results(
-    file: str | None, flags: dict[str, Any], x: str | None, y: str | None, value: str | None
-) -> FigureData:
+def _of_results(file: str | None, flags: dict[str, Any], choice: ColumnChoice) -> FigureData:
     """The numbers of a figure of a sweep's results."""
-    from aosplan.show.figures.sweep import results_of
+    from aosplan.show.figures.sweep_results import results_of
 
     _check_unused(flags, "the results of a sweep")
     if file is None:
         raise RequestError("no results are given", "give the file that aosplan sweep --out wrote")
-    return results_of(file, x, y, value)
+    return results_of(file, choice)
 
 
 def _of_paper(
@@ -269,6 +269,9 @@ COMMAND = command(
         text_option("--x", "COLUMN", "Sweep: column of the x axis.  [samples]", "Sweep"),
         text_option("--y", "COLUMN", "Sweep: column of the y axis.  [flight_time_s]", "Sweep"),
         text_option("--value", "COLUMN", "Sweep: column to draw as a map over both axes.", "Sweep"),
+        text_option(
+            "--by", "COLUMN", "Sweep: column of the colours of points, or of several maps.", "Sweep"
+        ),
         text_option("--seed", "N", "Paper: seed of its simulations.  [2019]", "Paper"),
         flag_option("--dark", "Use a dark background."),
         text_option("--width-mm", "MM", "Width of the figure.  [170]", "Output"),

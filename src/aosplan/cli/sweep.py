@@ -24,6 +24,7 @@ from aosplan.errors import RequestError
 from aosplan.files import check_output
 from aosplan.messages import SCHEMA
 from aosplan.planning.user_defaults import find_defaults, read_defaults
+from aosplan.show.figures.sweep_columns import ColumnChoice
 from aosplan.show.text.terminal import print_notice, readable, written_text
 from aosplan.units import whole
 
@@ -63,6 +64,7 @@ def run(
     plot_x: str | None,
     plot_y: str | None,
     plot_value: str | None,
+    plot_by: str | None,
     as_json: bool,
     defaults: str | None,
 ) -> None:
@@ -113,10 +115,11 @@ def run(
         aggregation_plan(scenarios, best, sampled) if told else None,
     )
     check(sweep)
+    choice = ColumnChoice(plot_x, plot_y, plot_value, plot_by)
     if plot is not None:
-        _check_plot(plot, sweep.names, plot_x, plot_y, plot_value, force=force)
-    elif any((plot_x, plot_y, plot_value)):
-        raise RequestError("--plot-x, --plot-y and --plot-value need --plot")
+        _check_plot(plot, sweep.names, choice, force=force)
+    elif any(choice):
+        raise RequestError("--plot-x, --plot-y, --plot-value and --plot-by need --plot")
     common: dict[str, Any] = {
         "resume": resume,
         "force": force,
@@ -134,7 +137,7 @@ def run(
         if not quiet:
             print(readable(f"Wrote {out}: {rows} rows of {scenarios.rows} scenarios"))
         if plot is not None:
-            _draw(plot, out, plot_x, plot_y, plot_value, force=force, quiet=quiet)
+            _draw(plot, out, choice, force=force, quiet=quiet)
 
 
 def _check_out(out: str, best: str | None, *, resume: bool, force: bool) -> None:
@@ -168,42 +171,25 @@ def _kept() -> Iterator[None]:
         raise
 
 
-def _check_plot(
-    plot: str,
-    names: list[str],
-    x: str | None,
-    y: str | None,
-    value: str | None,
-    *,
-    force: bool,
-) -> None:
+def _check_plot(plot: str, names: list[str], choice: ColumnChoice, *, force: bool) -> None:
     """Refuse a figure that cannot be drawn, before anything is solved."""
     from aosplan.show.figures.canvas import check_extra, form_of
-    from aosplan.show.figures.sweep import check_columns
+    from aosplan.show.figures.sweep_columns import check_columns
 
     form_of(plot)
     check_output(plot, force=force)
     check_extra()
-    check_columns(names, x, y, value, flags="--plot-")
+    check_columns(names, choice, flags="--plot-")
 
 
-def _draw(
-    plot: str,
-    results: str,
-    x: str | None,
-    y: str | None,
-    value: str | None,
-    *,
-    force: bool,
-    quiet: bool,
-) -> None:
+def _draw(plot: str, results: str, choice: ColumnChoice, *, force: bool, quiet: bool) -> None:
     from aosplan.files import write_all
     from aosplan.show.figures.canvas import form_of, rendered
     from aosplan.show.figures.draw import KINDS
     from aosplan.show.figures.style import printable
-    from aosplan.show.figures.sweep import results_of
+    from aosplan.show.figures.sweep_results import results_of
 
-    shown = results_of(results, x, y, value)
+    shown = results_of(results, choice)
     write_all({plot: rendered(KINDS["sweep"], shown, form_of(plot))}, force=force)
     if not quiet:
         print(printable(shown.description()))
@@ -275,6 +261,9 @@ COMMAND = command(
         text_option("--plot-x", "COLUMN", "Column of the x axis.  [samples]", "Output"),
         text_option("--plot-y", "COLUMN", "Column of the y axis.  [flight_time_s]", "Output"),
         text_option("--plot-value", "COLUMN", "Column to draw as a map over both axes.", "Output"),
+        text_option(
+            "--plot-by", "COLUMN", "Column of the colours of points, or of several maps.", "Output"
+        ),
         text_option(
             "--columns",
             "LIST|all",
