@@ -253,6 +253,8 @@ def public_definitions(path):
                 continue
             if child.name.startswith("_"):
                 continue
+            if "overload" in map(ast.unparse, child.decorator_list):
+                continue  # the function that follows is described
             yield f"{prefix}{child.name}", child
             if isinstance(child, ast.ClassDef):
                 yield from walk(child, f"{prefix}{child.name}.")
