@@ -1,4 +1,4 @@
-"""Figures of a sweep's results: two columns against each other, or a third one as a map over two."""
+"""Drawings of a sweep's results: a scatter plot of two columns, or a map of a third column over two."""
 
 from __future__ import annotations
 
@@ -20,19 +20,21 @@ if TYPE_CHECKING:
     from aosplan.show.figures.sweep_results import MapFigure, SweepFigure
 
 FEW = 500
-"""Largest number of points that are drawn large."""
+"""Largest number of points with which points are drawn large."""
 
 MOST_TICKS = 12
 
 WIDE, WIDE_MAP = 30.0, 20.0
-"""Ratio of largest to smallest value above which an axis, or the colours of a map, are logarithmic."""
+"""If the ratio of the largest value to the smallest value is greater than this, an axis, or the
+colours of a map, are logarithmic.
+"""
 
 LAYOUTS = ((1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (2, 3))
 """Rows and columns of panels by their number."""
 
 
 def draw(figure: Figure, shown: SweepFigure, theme: Theme) -> None:
-    """Draw a scatter with its front, a map, or several maps."""
+    """Draw a scatter plot with its front, a map, or several maps."""
     if isinstance(shown, PanelsFigure):
         handles = _draw_panels(figure, shown, theme)
     else:
@@ -43,7 +45,7 @@ def draw(figure: Figure, shown: SweepFigure, theme: Theme) -> None:
 
 
 def draw_panel(panel: Axes, shown: SweepFigure, theme: Theme) -> list[Any]:
-    """Draw a scatter or a map on one panel; return the handles of its legend.
+    """Draw a scatter plot or a map on one panel.  Returns the handles of its legend.
 
     Raises
     ------
@@ -209,7 +211,9 @@ def _draw_map(panel: Axes, shown: MapFigure, theme: Theme, norm: Any) -> tuple[A
 
 
 def ticked(labels: Sequence[str]) -> range:
-    """Indices of the labels that are shown along a side: evenly spaced, preferring round ones."""
+    """Indices of the labels that are shown along a side.  They are evenly spaced, and round numbers
+    are preferred.
+    """
     step = next(
         digit * 10**power
         for power in range(len(str(len(labels))) + 1)

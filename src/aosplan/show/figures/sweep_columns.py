@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 DEFAULT_X, DEFAULT_Y = "samples", "flight_time_s"
-"""Columns of the default figure, a trade-off."""
+"""Columns of the default figure, which shows a trade-off."""
 
 MORE_IS_BETTER = (
     "visibility_minimum",
@@ -22,12 +22,12 @@ MORE_IS_BETTER = (
     "visibility_effective_samples",
     "visibility_contrast",
 )
-"""Results of which larger values are better; of all others smaller values are."""
+"""Results for which larger values are better.  For all other results, smaller values are better."""
 
 UNITS = {"_m": "m", "_s": "s", "_deg": "°", "_px": "px", "_mps": "m/s"}
 
 OPTION_UNITS = {"M": "m", "M|RANGE": "m", "S": "s", "DEG": "°", "M/S": "m/s", "MIN": "min"}
-"""Units of options by the placeholder of their value in the help."""
+"""Unit of an option, by the placeholder of its value in the help."""
 
 SYMBOLS = {
     "samples": "samples N",
@@ -48,11 +48,11 @@ class ColumnChoice(NamedTuple):
     Attributes
     ----------
     x, y
-        Columns of the axes; None for `DEFAULT_X` and `DEFAULT_Y` in a scatter.
+        Columns of the axes; None for `DEFAULT_X` and `DEFAULT_Y` in a scatter plot.
     value
-        A result that is drawn as a map over x and y; None for a scatter.
+        A result that is drawn as a map over x and y; None for a scatter plot.
     by
-        A column that colours the points of a scatter, or that has a map for each of its values.
+        A column that colours the points of a scatter plot, or that has a map for each of its values.
     """
 
     x: str | None = None
@@ -71,7 +71,7 @@ def check_columns(names: Sequence[str], choice: ColumnChoice, *, flags: str = "-
     Raises
     ------
     RequestError
-        If a name is unknown, or a map lacks one of its two columns.
+        If a name is unknown, or if one of the two columns of a map is not given.
     """
     x, y, value, by = choice
     if value is not None and (x is None or y is None):

@@ -1,6 +1,6 @@
 """The numbers of figures of a sweep: two columns against each other, or a third one over two.
 
-The table is streamed.  Only one number per drawn cell is kept in memory, for any number of rows.
+The table is streamed.  For any number of rows, only one number per drawn cell is kept in memory.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import polars as pl
 
 BINS = (200, 150)
-"""Cells of a scatter along x and y; all rows in a cell are one point."""
+"""Number of cells of a scatter plot along x and y.  All rows in a cell are drawn as one point."""
 
 MOST_VALUES = 400
 """Largest number of different values along a side of a map."""
@@ -50,9 +50,10 @@ class Group(NamedTuple):
 
 
 class ScatterFigure(NamedTuple):
-    """Two results against each other: one point for each cell that has rows, and the Pareto front.
+    """Scatter plot of two results: one point for each cell that has rows, and the Pareto front.
 
-    For a row on the front, no other row is at least as good in both results and better in one.
+    A row is on the front if no other row is at least as good in both results and better in one of
+    them.
     `by` is the column of the colours.  If it has few values, `groups` are the points of each value.
     Otherwise `shades` are the means of its values in the cell of each point.
     """
@@ -69,11 +70,11 @@ class ScatterFigure(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         return f"{word(self.y)} against {word(self.x)} of {self.rows} scenarios"
 
     def description(self) -> str:
-        """Description of the front in words."""
+        """Description of the front as text."""
         few = (
             self.front
             if len(self.front) <= 5
@@ -97,7 +98,9 @@ class ScatterFigure(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """Scenarios with the same x and y: number, number with a plan, and mean value of these."""
+    """Scenarios with the same x and y: their number, the number of those with a plan, and the mean
+    value of those with a plan.
+    """
 
     rows: int
     met: int
@@ -105,7 +108,9 @@ class Cell(NamedTuple):
 
 
 class MapFigure(NamedTuple):
-    """A result over two columns: a cell for each pair of their values, None without scenarios."""
+    """Map of a result over two columns.  It has a cell for each pair of their values; the cell is
+    None if there are no scenarios.
+    """
 
     x: str
     y: str
@@ -118,12 +123,12 @@ class MapFigure(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         mean = "Mean " if any(cell and cell.rows > 1 for row in self.cells for cell in row) else ""
         return f"{mean}{word(self.value)} by {word(self.x)} and {word(self.y)}"
 
     def description(self) -> str:
-        """Description of the extremes, and of where scenarios have no plan."""
+        """Description of the extremes, and of the scenarios without a plan."""
         text = (
             f"{self.title}: {len(self.x_values)} by {len(self.y_values)} cells of "
             f"{self.rows} scenarios, {self.rows - self.met} of which are infeasible"
@@ -159,7 +164,7 @@ class PanelsFigure(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Title in one line."""
+        """Title of the figure, in one line."""
         return f"{max((each.title for each in self.maps), key=len)}, for each {word(self.by)}"
 
     def description(self) -> str:
@@ -195,7 +200,7 @@ def results_of(path: str, choice: ColumnChoice = TRADEOFF) -> SweepFigure:
     Raises
     ------
     RequestError
-        If there is no such file or column, or a map would have too many cells.
+        If the file or a column does not exist, or if a map would have too many cells.
     """
     lazy = _scan(path)
     if "status" not in _collected(lazy.head(0)).columns:
@@ -204,12 +209,14 @@ def results_of(path: str, choice: ColumnChoice = TRADEOFF) -> SweepFigure:
 
 
 def frame_of(lazy: pl.LazyFrame, choice: ColumnChoice = TRADEOFF) -> SweepFigure:
-    """The numbers of a figure of a sweep's rows; parameters and errors are those of `results_of`."""
+    """The numbers of a figure of a sweep's rows.  Parameters and errors are those of
+    `results_of`.
+    """
     check_columns(_collected(lazy.head(0)).columns, choice)
     x, y, value, by = choice
     if value is None:
         return _scatter(lazy, x or DEFAULT_X, y or DEFAULT_Y, by)
-    assert x is not None  # the columns were checked
+    assert x is not None  # The columns have been checked.
     assert y is not None
     if by is None:
         return _map(lazy, x, y, value)
@@ -246,17 +253,17 @@ def _scan(path: str) -> pl.LazyFrame:
             "results of a sweep have one of them",
         )
     check_input(path)
-    # Brackets in a file name must not be taken for a pattern.
+    # Brackets in a file name are escaped, because polars would read them as a pattern.
     return scans[ending](escape(path))  # type: ignore[no-any-return]
 
 
 def _collected(lazy: Any) -> Any:
-    """The rows of a query, which is streamed."""
+    """The rows of a query.  The query is streamed."""
     exceptions = polars().exceptions
     try:
         try:
             return lazy.collect(engine="streaming")
-        except (TypeError, ValueError):  # before polars 1.23
+        except (TypeError, ValueError):  # Versions of polars before 1.23 have another argument.
             return lazy.collect(streaming=True)
     except exceptions.PolarsError as error:
         raise RequestError(f"the results cannot be read: {str(error).splitlines()[0]}") from None
@@ -286,7 +293,8 @@ def _scatter(lazy: Any, x: str, y: str, by: str | None) -> ScatterFigure:
         for axis, (name, place) in enumerate((("x", "i"), ("y", "j")))
     ]
     binned = kept.with_columns(*places)
-    # The point of a cell is the corner of its rows, because a mean would depend on their order.
+    # The point of a cell is at the smallest x and y of its rows. A mean would depend on the order
+    # of the rows.
     corner = pl.min("x", "y")
     front = tuple(_front(binned, x in MORE_IS_BETTER, y in MORE_IS_BETTER))
     if by is None or groups is not None:
@@ -300,7 +308,7 @@ def _scatter(lazy: Any, x: str, y: str, by: str | None) -> ScatterFigure:
             for value in groups
         }
         return found._replace(groups=tuple(Group(v, tuple(p)) for v, p in of_value.items() if p))
-    # The order of the addition only affects the last digits, which are rounded away.
+    # The result is rounded, because its last digits depend on the order of addition.
     shade = pl.col("by").cast(pl.Float64, strict=False).mean().round_sig_figs(12)
     table = _collected(binned.group_by("i", "j").agg(corner, shade)).select("x", "y", "by")
     if table["by"].null_count() == len(table):
@@ -319,7 +327,9 @@ def _place(row: tuple[float, float, float | None]) -> tuple[float, float]:
 
 
 def _front(binned: Any, more_x: bool, more_y: bool) -> list[tuple[float, float]]:  # noqa: FBT001
-    """Rows that no other row is better than, found among the best of each bin, in order of x."""
+    """The rows of the Pareto front, in the order of x.  They are found among the best rows of each
+    bin.
+    """
     pl = polars()
     signs = [-1.0 if more else 1.0 for more in (more_x, more_y)]
     rated = binned.select("i", pl.col("x") * signs[0], pl.col("y") * signs[1])
@@ -344,7 +354,7 @@ def _map(lazy: Any, x: str, y: str, value: str) -> MapFigure:
                 f"omit the value to draw a scatter plot, or sweep fewer values of {name}",
             )
     ok = pl.col("status") == "ok"
-    # The order of the addition only affects the last digits, which are rounded away.
+    # The result is rounded, because its last digits depend on the order of addition.
     found = pl.col(value).cast(pl.Float64, strict=False).filter(ok).mean().round_sig_figs(12)
     table = _collected(
         lazy.group_by(pl.col(x).alias("x"), pl.col(y).alias("y")).agg(
