@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 class PaperFigure(Summarized, paper.PaperFigure):
     """The numbers of a figure of the paper.
 
-    It has the attributes of `aosplan.show.figures.paper.paper_figure.PaperFigure`: `values` are the
-    quantities that the paper states, beside those computed here.
+    It has the attributes of `aosplan.show.figures.paper.paper_figure.PaperFigure`: `values` are
+    quantities with their values in the paper and the values computed here.
     """
 
     __slots__ = ()
@@ -32,7 +32,7 @@ class PaperFigure(Summarized, paper.PaperFigure):
         return self.where()
 
     def plot(self) -> Any:
-        """Draw a new figure with Matplotlib.
+        """Draw the figure with Matplotlib.
 
         Returns
         -------
@@ -50,12 +50,13 @@ def paper_figure(
     seed: int = SEED,
     progress: Callable[[int, int], None] | None = None,
 ) -> PaperFigure:
-    """Compute a figure of the paper again, with its values beside those of the project.
+    """Compute a figure of the paper again.  The result has the values of the paper and those of the
+    project.
 
     Parameters
     ----------
     number
-        The number in the paper: ``"2b"``, or 3 to 10.
+        Number of the figure in the paper: ``"2b"``, or 3 to 10.
     seed
         Seed of the simulations, at least 0.
     progress
@@ -64,7 +65,7 @@ def paper_figure(
     Raises
     ------
     RequestError
-        If the paper has no such figure with data.
+        If the paper has no figure with this number, or the figure shows no data.
     MissingExtraError
         If the extra ``pictures`` is not installed, for Figures 8 to 10.
 

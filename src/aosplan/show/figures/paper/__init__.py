@@ -1,7 +1,8 @@
-"""The figures with data of Kurmi, Schedl and Bimber (2019), each computed again.
+"""The figures of Kurmi, Schedl and Bimber (2019) that show data, each computed again.
 
-`aosplan.show.figures.paper.registry` lists them, one module each.  Each module has `numbers`, which
-computes a `PaperFigure` from a seed, and `draw`.  The paper's scan and recording are not public, so
-a stand of trees with the same density is generated (`aosplan.show.figures.paper.stand`) and a
-recording above it is rendered (`aosplan.show.figures.paper.recording`).
+`aosplan.show.figures.paper.registry` lists the figures.  Each figure has its own module, with two
+functions: `numbers` computes a `PaperFigure` from a seed, and `draw` draws it.  The paper's scan
+and recording are not public.  Instead of the scan, a stand of trees with the same density is
+generated (`aosplan.show.figures.paper.stand`).  Instead of the recording, images from above this
+stand are rendered (`aosplan.show.figures.paper.recording`).
 """

@@ -20,7 +20,9 @@ VIEWS = ("2.8 m apart", "all, 2 m apart")
 
 
 def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
-    """SSIM of the integrals by aperture, of thinned views and of all."""
+    """SSIM of the integral for each aperture, from a thinned set of the views and from all
+    views.
+    """
     from aosplan.simulation.pictures import check_extra
 
     check_extra()
@@ -53,7 +55,7 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
 
 
 def draw(figure: Figure, shown: PaperFigure, theme: Theme) -> None:
-    """Draw SSIM over the aperture, as it is and with equal brightness."""
+    """Draw SSIM over the aperture, for the original brightness and for matched brightness."""
     upper = body(figure, shown, theme)
     axes = upper.subplots()
     for name, color, marker in zip(VIEWS, theme.data, "os", strict=False):

@@ -1,6 +1,7 @@
 """Fig. 2b: integrated density against l/o, by Eq. 1 and for simulated volumes.
 
-The points are volumes: slices of cubes of size one, counted from vertically above.
+Each point is a simulated volume.  Its slices consist of cubes with edges of length 1, and the
+hidden share is counted from vertically above.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Fig. 6a, b: p of a stand from the top down, and share of the occluders with d̂ >= 1 against b."""
+"""Fig. 6a, b: p of a stand against depth below its top, and share of the occluders with d̂ >= 1
+against b.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
-    """Both panels, for a clumped stand and by the model."""
+    """The numbers of both panels, for a clumped stand and from the model."""
     import numpy as np
 
     from aosplan.camera.disparity import coverage_share
@@ -32,7 +34,8 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
     from aosplan.show.figures.paper.stand import ALTITUDE_M, DENSITY, OCCLUDER_M, stand
 
     volume = stand(seed)
-    # (a) The slices from the highest to the lowest that has occluders; Eq. 1 with their mean D.
+    # (a) The slices from the highest to the lowest one with occluders, and Eq. 1 with the mean D of
+    # these slices.
     filled = np.flatnonzero(volume.occupied.any(axis=(1, 2)))
     slices = volume.occupied[filled[0] : filled[-1] + 1][::-1]
     hidden = np.logical_or.accumulate(slices, axis=0).mean(axis=(1, 2))

@@ -1,4 +1,6 @@
-"""Fig. 7a, b: V̂ against the aperture, by the model and for stands with b = 3.5 m at 50 m."""
+"""Fig. 7a, b: V̂ against the aperture, from the model, and for stands with b = 3.5 m at an altitude
+of 50 m.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ GRIDS = tuple(range(1, 10))
 
 STANDS = 6
 BELOW_ONE, BELOW_OWN = "12 m below one aperture", "each target below its own"
-"""Which targets are counted: a square below the centre of one aperture, or all of the stand."""
+"""Names of the two sets of targets: a square below the centre of one aperture, or all targets of
+the stand.
+"""
 
 
 def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
@@ -95,7 +99,9 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
 
 
 def _seen(seed: int, index: int, name: str) -> VoxelViews:
-    """Views of a stand: of its centre, or of targets that are each below their own aperture."""
+    """Views of a stand, either of the targets at its centre, or of targets that are each below the
+    centre of their own aperture.
+    """
     from aosplan.show.figures.paper.stand import ALTITUDE_M, stand, views
     from aosplan.simulation.voxel_views import VoxelViews
 
@@ -105,7 +111,7 @@ def _seen(seed: int, index: int, name: str) -> VoxelViews:
 
 
 def draw(figure: Figure, shown: PaperFigure, theme: Theme) -> None:
-    """Draw V̂ of the model for several d̂, and of the stands."""
+    """Draw V̂ of the model for several d̂, and V̂ of the stands."""
     import numpy as np
 
     upper = body(figure, shown, theme)

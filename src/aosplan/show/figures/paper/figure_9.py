@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 APERTURES_M = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0, 28.0)
 
 LOSSES = "no significant loss"
-"""What the paper says of the SSIM of 25 and more samples."""
+"""Words of the paper about the SSIM of 25 and more samples."""
 
 DIFFERENCE = (
     "The recording of the paper is not public, and it prints no numbers of this figure; in the "
@@ -33,7 +33,9 @@ DIFFERENCE = (
 
 
 def compared_values(views: int, ssim: float, matched: float) -> tuple[PaperValue, ...]:
-    """The SSIM of some samples, as it is and with matched brightness and contrast."""
+    """The SSIM of some numbers of samples, each with original and with matched brightness and
+    contrast.
+    """
     words = f"SSIM of N = {views} against all 504 images"
     return (
         PaperValue(words, LOSSES, f"{ssim:.2f}"),

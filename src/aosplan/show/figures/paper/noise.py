@@ -20,7 +20,7 @@ def averaged(
     disparity_px: float,
     shape: tuple[int, int],
 ) -> Estimate:
-    """V and V̂ of averaged patterns of a density, as means over several patterns.
+    """Mean V and V̂ of several averaged noise patterns with the same density.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""The numbers of a figure of the paper, and what all of these figures draw alike."""
+"""The numbers of a figure of the paper, and the parts of a drawing that all of these figures
+share.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ ROW_INCHES = 0.165
 """Height of a row of the table below a figure."""
 
 PAPER_AT, PROJECT_AT = 0.61, 0.82
-"""Where the columns of that table begin, as shares of the width."""
+"""Positions at which the second and third columns of this table begin, as shares of the width."""
 
 UNSTATED = "not stated"
 
@@ -30,7 +32,7 @@ NOT_PUBLIC = "The paper's LiDAR scan is not public; the stands here are generate
 
 
 class PaperValue(NamedTuple):
-    """A quantity as the paper states it, and as it is computed here."""
+    """A quantity with the value in the paper and the value computed here."""
 
     quantity: str
     paper: str
@@ -50,7 +52,7 @@ class PaperFigure(NamedTuple):
     Attributes
     ----------
     number, subject
-        The number in the paper, and what it shows.
+        The number of the figure in the paper, and a description of its content.
     seed
         Seed of the simulations.
     names, rows
@@ -58,11 +60,11 @@ class PaperFigure(NamedTuple):
     names
         of the columns, and rows.
     values
-        Quantities that the paper states, beside those computed here.
+        Quantities with their values in the paper and the values computed here.
     remarks
         Sentences about the agreement and the differences.
     pictures
-        Images, for figures that have some.
+        Images; empty for figures without images.
     """
 
     number: str
@@ -80,7 +82,7 @@ class PaperFigure(NamedTuple):
         return f"Fig. {self.number} of the paper: {self.subject}"
 
     def description(self) -> str:
-        """The values of the paper beside those computed here, in words."""
+        """The values of the paper and the values computed here, as text."""
         compared = "; ".join(
             f"{value.quantity}: paper {value.paper}, here {value.project}" for value in self.values
         )
@@ -93,7 +95,7 @@ class PaperFigure(NamedTuple):
         return found
 
     def where(self, **equal: Any) -> dict[str, list[Any]]:
-        """The columns of those rows that have certain values."""
+        """The columns of the rows that have the given values."""
         wanted = {self.names.index(name): value for name, value in equal.items()}
         kept = [row for row in self.rows if all(row[k] == v for k, v in wanted.items())]
         return {name: [row[k] for row in kept] for k, name in enumerate(self.names)}
@@ -108,7 +110,7 @@ def counted(items: Sequence[T], progress: Progress | None) -> Iterator[T]:
 
 
 def agreement(what: str, errors: Sequence[float]) -> str:
-    """How far simulated points are from the model, given in standard errors."""
+    """Sentence on the distance of simulated points from the model, in standard errors."""
     away = [abs(each) for each in errors]
     near = sum(each < 2.0 for each in away)
     return (
@@ -123,7 +125,9 @@ def plus_minus(value: float, error: float, digits: int = 3) -> str:
 
 
 def body(figure: Figure, shown: PaperFigure, theme: Theme) -> SubFigure:
-    """The upper part of a figure with its title; below it is the table of the values."""
+    """The upper part of a figure with its title.  The table of the values is drawn below this
+    part.
+    """
     height = figure.get_size_inches()[1]
     table = ROW_INCHES * (len(shown.values) + 1.6)
     parts: Any = figure.subfigures(2, 1, height_ratios=(height - table, table))

@@ -1,9 +1,9 @@
 """A recording of 504 images above a stand, for Figs. 9 and 10.
 
-The paper's recording is not public, so one is rendered: a chart below the stand, and 504 cameras on
-a 2 m lattice in a quarter of a disc, all facing the chart from 40 m.  Images and poses are written
-in the format of the AOS project, and are integrated with the functions that `aosplan integrate`
-calls.
+The paper's recording is not public, and a similar one is rendered.  A chart is below the stand.
+504 cameras are on a 2 m lattice in a quarter of a disc, at an altitude of 40 m, and face the chart.
+Images and poses are written in the format of the AOS project, and are integrated with the functions
+that `aosplan integrate` calls.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ PIXEL_M = 0.1
 
 
 class Compared(NamedTuple):
-    """The integral of some views: number of views, image from 0 to 1, and SSIM against all views.
+    """The integral of some views: number of views, image from 0 to 1, and SSIM against the integral
+    of all views.
 
     `matched` is the SSIM after brightness and contrast of each band are matched to the reference.
     """
@@ -55,7 +56,7 @@ class Compared(NamedTuple):
 
 
 class Rendered:
-    """The recording, with the integral of all its images as the reference."""
+    """The recording, and the integral of all its images, which is the reference for SSIM."""
 
     def __init__(self, recording: Recording) -> None:
         half = 0.5 * CHART_M
@@ -64,7 +65,9 @@ class Rendered:
         self.reference: Integral = recording.integrate(ViewSubset(), self.raster)
 
     def compared(self, aperture_m: float, pitch_m: float | None) -> Compared:
-        """The integral of the views within an aperture that are at least a pitch apart."""
+        """The integral of a selection of views.  The views are within the aperture and at least one
+        pitch apart.
+        """
         choice = ViewSubset(pitch_m=pitch_m, aperture_m=aperture_m)
         found = self.recording.integrate(choice, self.raster)
         wanted = self.reference.values
@@ -105,7 +108,9 @@ def rendered(seed: int, progress: Progress | None, steps: int) -> Iterator[Rende
 
 
 def _sites() -> NDArray[np.float64]:
-    """The sites of a lattice nearest to the corner of a quarter disc, relative to their centre."""
+    """The sites of a quarter of a disc: the points of a lattice that are nearest to the corner.
+    The positions are relative to the centre of the sites.
+    """
     along = PITCH_M * np.arange(40)
     lattice = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
     near = lattice[np.argsort(np.hypot(*lattice.T), kind="stable")[:VIEWS]]
@@ -113,7 +118,7 @@ def _sites() -> NDArray[np.float64]:
 
 
 def _towards_chart(position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """World-to-camera rotation of a camera at a position that looks at the origin."""
+    """World-to-camera rotation of a camera that is at a position and faces the origin."""
     forward = -position / np.linalg.norm(position)
     right = np.cross(forward, [0.0, 1.0, 0.0])
     right /= np.linalg.norm(right)
@@ -121,7 +126,9 @@ def _towards_chart(position: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _render(folder: str, seed: int) -> str:
-    """Write the images, each pixel traced to the ground, and their poses; return the poses' path."""
+    """Trace the pixels of each image to the ground, write the images and the poses, and return the
+    path of the poses.
+    """
     volume, per_voxel = stand(seed), 2
     window = centred_window(volume, per_voxel, GROUND_M)
     occlusion = Occlusion(

@@ -15,11 +15,13 @@ if TYPE_CHECKING:
     from aosplan.show.figures.style import Theme
 
 SEED = 2019
-"""Default seed, with which the figures of the documentation are made."""
+"""Default seed.  The figures of the documentation are made with this seed."""
 
 
 class Entry(NamedTuple):
-    """A figure of the paper: what it shows, ratio of height to width, and time to compute it."""
+    """A figure of the paper: its subject, its ratio of height to width, and the time to compute
+    it.
+    """
 
     summary: str
     height: float
@@ -27,7 +29,7 @@ class Entry(NamedTuple):
 
     @property
     def described(self) -> str:
-        """What it shows, and the time if it is more than a few seconds."""
+        """The subject, and the computing time if it is more than a few seconds."""
         return f"{self.summary} (about {self.seconds} s)" if self.seconds > 4 else self.summary
 
 
@@ -42,11 +44,11 @@ FIGURES = {
     "9": Entry("integral images by aperture, with SSIM against all 504 images", 0.74, 4),
     "10": Entry("SSIM against all 504 images, by aperture", 0.8, 11),
 }
-"""The figures with data; the others of the paper are drawings and photos."""
+"""The figures of the paper that show data.  The other figures are drawings and photos."""
 
 
 def checked_number(number: Any) -> str:
-    """The number of a figure of the paper, from text such as ``7`` or ``fig. 2b``.
+    """Extract the number of a figure of the paper from text such as ``7`` or ``fig. 2b``.
 
     Raises
     ------
@@ -66,12 +68,12 @@ def checked_number(number: Any) -> str:
 
 
 def kind_of(number: str) -> FigureKind:
-    """The kind of figure that draws a figure of the paper."""
+    """Return the kind of drawing for a figure of the paper."""
     return KINDS["paper"]._replace(height=FIGURES[number].height)
 
 
 def numbers_of(number: str, seed: int = SEED, progress: Progress | None = None) -> PaperFigure:
-    """The numbers of a figure of the paper.
+    """Compute the numbers of a figure of the paper.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """The stand of the paper's Figs. 6 to 10, and views of the ground below it.
 
-The paper's scan is not public.  This is a clumped stand from a seed with the paper's p: crowns and
-trunks on a periodic plot of 40 x 40 m that hide 56.7 % of the ground from above.
+The paper's scan is not public.  A clumped stand with the paper's p is generated from a seed
+instead.  Its crowns and trunks are on a periodic plot of 40 x 40 m and hide 56.7 % of the ground
+from above.
 """
 
 from __future__ import annotations
@@ -24,10 +25,12 @@ DENSITY, SLICE_DENSITY = 0.567, 0.0095
 """p and mean D of the paper's LiDAR scan (its Figs. 4, 6 and 8)."""
 
 OCCLUDER_M, BASE_M, HEIGHT_M = 0.20, 2.506, 17.54
-"""Dimensions of the stand: o is a choice, l/o = 87.69 and 98 % at 3.5 m are from the paper."""
+"""Dimensions of the stand.  The size o is chosen for this project.  The other dimensions follow
+from the paper: l/o = 87.69, and d̂ >= 1 for 98 % of the occluders at b = 3.5 m.
+"""
 
 ALTITUDE_M, BASELINE_M, SAMPLES = 50.0, 3.5, 50
-"""Altitude, baseline and samples of the paper's section III."""
+"""Altitude, baseline and number of samples in section III of the paper."""
 
 TARGET_M = 12.0
 """Side of the target area below the centre of the aperture."""
