@@ -99,3 +99,12 @@ def test_every_module_that_a_package_names_exists():
         for name in re.findall(r"`aosplan\.([\w.]+)`", path.read_text(encoding="utf-8")):
             place = SOURCE / name.replace(".", "/")
             assert place.is_dir() or place.with_suffix(".py").is_file(), (path, name)
+
+
+def test_a_package_that_lists_its_modules_lists_all():
+    for path in SOURCE.rglob("__init__.py"):
+        text = path.read_text(encoding="utf-8")
+        if text.count("\n- `aosplan.") > 1:
+            modules = {each.stem for each in path.parent.glob("*.py")} - {"__init__"}
+            named = {name for name in modules if re.search(rf"[`.]{name}`", text)}
+            assert {name for name in modules - named if not name.endswith("_schema")} == set(), path

@@ -13,4 +13,5 @@ figures.
 - `aosplan.api.sweeps`: `sweep`.
 - `aosplan.api.flown`: `review` and `thin`.
 - `aosplan.api.integrals`: `integrate`.
+- `aosplan.api.papers`: `paper_figure`.
 """

@@ -7,4 +7,12 @@
 - `aosplan.areas.survey`: the sites that cover an area.
 - `aosplan.areas.tour`: the order of the sites.
 - `aosplan.areas.no_fly`: paths around no-fly zones.
+- `aosplan.areas.around_points`: areas around points.
+- `aosplan.areas.crossings`: counting of the crossings of boundaries.
+- `aosplan.areas.extent`: size of an area along a heading, and lower bounds of the number of sites
+  over it.
+- `aosplan.areas.nearest`: search for nearest points.
+- `aosplan.areas.reprojection`: boundaries in other coordinate reference systems.
+- `aosplan.areas.vector_file`: boundaries in GeoPackage, shapefile, GPX, FlatGeobuf and MapInfo
+  files.
 """

@@ -3,4 +3,6 @@
 - `aosplan.camera.camera`: intrinsics, ground resolution and footprint.
 - `aosplan.camera.presets`: the built-in cameras, each with its source.
 - `aosplan.camera.disparity`: disparity of occluders, and the baseline of the coverage rule.
+- `aosplan.camera.find`: a camera by the name of a preset or the path of a file.
+- `aosplan.camera.camera_file`: cameras in files.
 """

@@ -2,4 +2,5 @@
 
 - `aosplan.grid.patterns`: trimmed grids, rectangles, lines and lanes.
 - `aosplan.grid.spiral`: spirals.
+- `aosplan.grid.pair_offsets`: counts of pairs of sites by their offset.
 """

@@ -6,4 +6,6 @@
 - `aosplan.mission.dji_models`: numbers of drones and payloads in DJI's files.
 - `aosplan.mission.export`: conversion of missions to the bytes of files.
 - `aosplan.mission.formats`: one module per format.
+- `aosplan.mission.flown_path`: the points of the path that a mission file needs.
+- `aosplan.mission.format`: description of a format: its name, its limits, and what it can express.
 """

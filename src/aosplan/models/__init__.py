@@ -18,4 +18,10 @@
   and `aosplan.models.clutter`.
 - `aosplan.models.counted_detection`: the same probability, counted in the voxels of a stand.
 - `aosplan.models.memo`: storage of earlier predictions.
+- `aosplan.models.correlogram`: the correlogram instead of the voxels;
+  `aosplan.models.interior_surrogate`: the same for targets in the interior of a plot.
+- `aosplan.models.ground_visibility`: visibility over the whole ground of a plan.
+- `aosplan.models.area_rays`: slanted rays to all targets of an area.
+- `aosplan.models.crown_clutter`: clutter from whole crowns.
+- `aosplan.models.signatures`: named targets and their radiances.
 """

@@ -25,4 +25,5 @@
   `aosplan.planning.within_result`; `aosplan.planning.cheaper_flight`: a hint for long flights.
 - `aosplan.planning.plan_data`: the values of a plan; `aosplan.planning.result`: `Plan`, with its
   JSON document; `aosplan.planning.plan_schema`: the schema of this document.
+- `aosplan.planning.within_altitude`: the best flight at one altitude.
 """

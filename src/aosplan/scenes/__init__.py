@@ -14,4 +14,8 @@
 - `aosplan.scenes.occluder_statistics`: layers and occluder sizes from voxels.
 - `aosplan.scenes.summary`: the statistics of a scene as a document and as a file.
 - `aosplan.scenes.files`: the readers of scene files.
+- `aosplan.scenes.density`: Eq. 1 of the paper and its inverse.
+- `aosplan.scenes.opacity`: how the opacity of a stand was found.
+- `aosplan.scenes.plates`: cells that rays meet in slices of plates.
+- `aosplan.scenes.sampled_targets`: occlusion of a sample of the targets.
 """

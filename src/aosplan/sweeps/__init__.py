@@ -14,4 +14,11 @@
 - `aosplan.sweeps.verify`: simulation of a sample of the rows.
 - `aosplan.sweeps.aggregate`: summary and sample during a sweep.  They are stored in a file if the
   sweep is interrupted.
+- `aosplan.sweeps.sweep`: a sweep and conditions for the rows to keep.
+- `aosplan.sweeps.solve_block`: one block as a data frame.
+- `aosplan.sweeps.parts`: parts of the result in a folder; `aosplan.sweeps.parquet_folder`: a result
+  that is a folder.
+- `aosplan.sweeps.cluster`: workers of a Dask cluster.
+- `aosplan.sweeps.input_files`: files that the scenarios use.
+- `aosplan.sweeps.user_defaults`: the user's own defaults for scenarios.
 """

@@ -11,6 +11,16 @@
 - `aosplan.postflight.integral.view_subset`: all views, or some of them.
 - `aosplan.postflight.integral.images`: image files as arrays, and arrays as image files.
 - `aosplan.postflight.integral.integral`: the average of the chosen views, with its coverage.
+- `aosplan.postflight.integral.camera_pose`: pose and intrinsics of a view.
+- `aosplan.postflight.integral.colmap`: poses from COLMAP.
+- `aosplan.postflight.integral.recording`: poses and a folder of images above a focal plane.
+- `aosplan.postflight.integral.warping`: images that are warped by OpenCV.
+- `aosplan.postflight.integral.seeing`: exposure, blending and contrast of integral images.
+- `aosplan.postflight.integral.hot_spots`: candidates of targets.
+- `aosplan.postflight.integral.layers`: integral images at several heights.
+- `aosplan.postflight.integral.distance_scan`: the distance of the ground if heights are not known.
+- `aosplan.postflight.integral.surface`: focal surfaces from elevation models.
+- `aosplan.postflight.integral.integral_warnings`: warnings about an integral image.
 
 Pixel coordinates start at the outer corner of the first pixel, whose centre is (0.5, 0.5).
 """

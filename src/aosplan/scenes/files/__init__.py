@@ -9,4 +9,9 @@
 - `aosplan.scenes.files.slice_table`: tables of slices.
 - `aosplan.scenes.files.voxel_file`: saved voxels (``.npz``).
 - `aosplan.scenes.files.cache`: voxels of point clouds that were read before.
+- `aosplan.scenes.files.crop`: cropping of a point cloud while it is read.
+- `aosplan.scenes.files.las_crs`: coordinate reference systems of LAS and LAZ files.
+- `aosplan.scenes.files.outliers`: warnings about points that are far from all others.
+- `aosplan.scenes.files.spool`: temporary storage of points.
+- `aosplan.scenes.files.tiles`: checks that the files of one point cloud belong together.
 """
