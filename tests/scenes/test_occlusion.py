@@ -1,5 +1,7 @@
 """Occlusion, compared with rays that are traced through the same voxels from face to face."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +15,7 @@ from aosplan.grid.patterns import local_sites, pattern_for
 from aosplan.scenes import hidden_counts
 from aosplan.scenes import occlusion as occlusion_module
 from aosplan.scenes.hidden_counts import HiddenCount, joint_counts, popcount
-from aosplan.scenes.occlusion import Occlusion
+from aosplan.scenes.occlusion import Occlusion, PlotWindow
 from aosplan.scenes.voxels import VoxelVolume
 
 DATA = CLOUDS
@@ -294,6 +296,8 @@ def test_how_work_is_divided_changes_nothing(scrub, monkeypatch):
     assert (one_by_one == whole).all()
     fresh = np.concatenate([Occlusion(scrub, 20.0).masks([offset]) for offset in offsets])
     assert (fresh == whole).all()
+    monkeypatch.setattr(occlusion_module, "OCTETS_IN_CACHE", 1)
+    assert (occlusion.masks(offsets) == whole).all()
     monkeypatch.setattr(occlusion_module, "OCTETS_KEPT", 0)
     assert (occlusion.masks(offsets) == whole).all()
     monkeypatch.setattr(occlusion_module, "OCTETS_A_VIEW", 100)
@@ -302,6 +306,22 @@ def test_how_work_is_divided_changes_nothing(scrub, monkeypatch):
     counts = joint_counts(whole)
     monkeypatch.setattr(hidden_counts, "TARGETS_AT_ONCE", 1000)
     assert (joint_counts(whole) == counts).all()
+
+
+@pytest.mark.parametrize("slice_m", [None, 0.25])
+def test_how_perspective_views_are_divided_changes_nothing(scrub, slice_m, monkeypatch):
+    volume = replace(scrub, slice_m=slice_m)
+    offsets = np.random.default_rng(7).uniform(-15.0, 15.0, (4, 2))
+    whole = Occlusion(volume, 20.0, view="perspective")
+    masks = whole.masks(offsets)
+    monkeypatch.setattr(occlusion_module, "OCTETS_KEPT", 0)
+    monkeypatch.setattr(occlusion_module, "POSITIONS_AT_ONCE", 1)
+    again = Occlusion(volume, 20.0, view="perspective")
+    assert (again.masks(offsets) == masks).all()
+    # So few rows that most rows of the plot are not met.
+    window = PlotWindow(9, 5, whole.rows // 3, 70)
+    part = Occlusion(volume, 20.0, view="perspective", window=window)
+    assert (part.unpack(part.masks(offsets)) == whole.unpack(masks, window)).all()
 
 
 def test_views_are_the_same_after_any_others(scrub):

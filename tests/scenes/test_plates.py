@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from aosplan.scenes.hidden_counts import popcount
 from aosplan.scenes.occlusion import Occlusion
@@ -52,3 +54,36 @@ def test_perspective_and_telecentric_agree_far_away():
     one = Occlusion(volume, far).masks([(0.0, 0.0)])
     other = Occlusion(volume, far, view="perspective").masks([(0.0, 0.0)])
     assert (one == other).all()
+
+
+@given(
+    st.tuples(st.integers(1, 15), st.integers(1, 9), st.integers(1, 40)),
+    st.integers(1, 3),
+    st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)),
+    st.integers(0, 1000),
+)
+def test_perspective_rays_meet_the_plates_in_the_middle_of_slices(shape, per_voxel, camera, seed):
+    # Slices of 20 m below cameras at 400 m: rays are scaled by up to a factor of four, but are so steep
+    # that they meet second plates in less than one of a hundred slices.
+    occupied = np.random.default_rng(seed).random(shape) < 0.1
+    volume = VoxelVolume(occupied, 0.25, slice_m=20.0)
+    view = Occlusion(volume, 400.0, view="perspective", targets_per_voxel=per_voxel)
+    got = view.unpack(view.masks([camera]))[0]
+    want = np.zeros_like(got)
+    sure = np.ones_like(got)
+    lines = []
+    for count, position in zip(shape[:0:-1], camera, strict=True):
+        target = (np.arange(count * per_voxel) + 0.5) * (0.25 / per_voxel)
+        lines.append((target, 0.125 * count + position, count))
+    for level, plane in enumerate(occupied):
+        share = (20.0 * level + 10.0) / 400.0
+        places = [(target + (above - target) * share) / 0.25 for target, above, _ in lines]
+        column, row = (
+            np.floor(place).astype(int) % count
+            for place, (_, _, count) in zip(places, lines, strict=True)
+        )
+        want |= plane[row[:, np.newaxis], column]
+        at_edge = [np.abs(place - np.rint(place)) < 1e-9 for place in places]
+        sure &= ~(at_edge[1][:, np.newaxis] | at_edge[0])
+    assert got[want & sure].all()
+    assert (got & ~want & sure).sum() <= 0.01 * got.size + 8

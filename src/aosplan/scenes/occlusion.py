@@ -23,7 +23,10 @@ and no rays are traced.  Targets along x are bits of octets, and octets along y 
 memory.  A shift along x by less than an octet is computed once for all views that need it.  All
 other shifts are offsets in memory, so each of them is an OR with a contiguous piece of memory.
 
-**Perspective views are also scaled.**  The position of a ray along x depends only on the x of camera and target, and its position along y only on their y. Columns of voxels are therefore selected once for all cameras with the same x. Then packed rows are selected for each camera. Positions are not rounded. In a scaled lattice, rounded rays would meet neighbouring cells that the exact rays miss.
+**Perspective views are also scaled.**  The position of a ray along x depends only on the x of camera
+and target, and its position along y only on their y.  Octets of columns are therefore selected once
+for all cameras with the same x.  Then rows of octets are selected for each camera.  Positions are not
+rounded.  In a scaled lattice, rounded rays would meet neighbouring cells that the exact rays miss.
 """
 
 from __future__ import annotations
@@ -34,15 +37,21 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.scenes import plates
+from aosplan.scenes.packed_columns import MetColumns, advanced, from_each_column, packed
+from aosplan.scenes.perspective import Axis
 from aosplan.scenes.voxels import FACE
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import ArrayLike, NDArray
 
     from aosplan.scenes.voxels import VoxelVolume
 
     Octets = NDArray[np.uint8]
     Words = NDArray[np.uint64]
+    Met = tuple[list[Octets], list[NDArray[np.intp]]]
+    """Octets that targets meet, by camera along x, and rows of these, by camera along y."""
 
 ViewKind = Literal["telecentric", "perspective"]
 
@@ -64,15 +73,22 @@ OCTETS_A_VIEW = 1 << 18
 OCTETS_AT_ONCE = 1 << 24
 """Memory for all views that share a prepared slice [bytes]."""
 
+OCTETS_IN_CACHE = 1 << 20
+"""Memory for views that share slices which are kept; it fits into the cache of a processor [bytes]."""
+
 OCTETS_KEPT = 1 << 27
 """Memory for slices that later views may reuse [bytes]."""
+
+POSITIONS_AT_ONCE = 1 << 18
+"""Number of positions of rays in slices that are computed at once."""
 
 
 class _Tiles(NamedTuple):
     """Slices prepared for a band of targets and for the shifts of some views.
 
     The tile of a slice is a flat array of octets.  It begins at the lowest shift of the views in
-    this slice and covers `spans` further shifts along x and y.  For each slice, `slices` has the
+    this slice, or up to seven columns before it, so that it begins with an octet of the packed slice.
+    It covers `spans` further shifts along x and y.  For each slice, `slices` has the
     tiles computed so far.  Their key is the number of bits by which they are moved.
     """
 
@@ -170,7 +186,8 @@ class Occlusion:
         # Number of octets for the columns, rounded up to whole 64-bit words.
         self._width = 8 * -(-self.columns // 64)
         self._tiles: _Tiles | None = None
-        self._planes: dict[int, tuple[Octets, ...]] = {}
+        self._packed: dict[int, Octets] = {}
+        self._from_each: dict[tuple[int, ...], Octets] = {}
 
     @property
     def targets_per_voxel(self) -> int:
@@ -236,12 +253,14 @@ class Occlusion:
             bits are 0.  The order of the bits is not specified; `unpack` converts masks to arrays.
         """
         offsets = checked_positions(positions_m)
-        masks = np.empty((len(offsets), self._width, self.rows), dtype=np.uint8)
-        if self._view == "perspective":
-            perspective = self._perspective_plates if self._plates else self._perspective
-            perspective(masks, offsets)
-        elif len(offsets):
-            self._telecentric(masks, offsets, self._window.row)
+        masks = np.zeros((len(offsets), self._width, self.rows), dtype=np.uint8)
+        used = masks[:, : -(-self.columns // 8)]
+        if len(offsets) == 0:
+            pass
+        elif self._view == "perspective":
+            self._perspective(used, offsets)
+        else:
+            self._telecentric(used, offsets, self._window.row)
         ends = np.arange(8 * self._width).reshape(self._width, 8) < self.columns
         masks &= np.packbits(ends, axis=1, bitorder="little")
         return masks.reshape(len(offsets), 8 * self.words).view(np.uint64)
@@ -280,20 +299,23 @@ class Occlusion:
         steps -= tiles.lows[:, np.newaxis, np.newaxis]
         # Whole plots can be left out of a shift, because the plot is periodic.
         steps %= self._plot[::-1]
-        stride, octets = tiles.stride, tiles.octets
-        if (views + 1) * octets * stride > OCTETS_AT_ONCE and views > 1:
-            half = views // 2
-            self._telecentric(masks[:half], offsets[:half], row)
-            self._telecentric(masks[half:], offsets[half:], row)
-            return
-        size = (width - 1) * stride + rows
-        hidden = np.zeros((views, width * stride), dtype=np.uint8)
-        hits = [mask[:size] for mask in hidden]
+        stride = tiles.stride
         places = (steps[..., 0] // 8 * stride + steps[..., 1]) * 8 + steps[..., 0] % 8
         # A search asks for a few views at a time. They are usually between the views of its first
         # grids, so that the tiles can be used again.
-        kept = len(self._filled) * 8 * octets * stride <= OCTETS_KEPT
+        kept = len(self._filled) * 8 * tiles.octets * stride <= OCTETS_KEPT
         self._tiles = tiles if kept else None
+        together = max((OCTETS_IN_CACHE if kept else OCTETS_AT_ONCE) // (width * stride), 1)
+        for first in range(0, views, together):
+            group = slice(first, first + together)
+            self._merge(masks[group], tiles, places[:, group], kept=kept)
+
+    def _merge(self, masks: Octets, tiles: _Tiles, places: NDArray[np.intp], *, kept: bool) -> None:
+        """Set masks of some views by an OR of tiles; places have the shape (slices, views, 3)."""
+        views, width, rows = masks.shape
+        size = (width - 1) * tiles.stride + rows
+        hidden = np.zeros((views, width * tiles.stride), dtype=np.uint8)
+        hits = [mask[:size] for mask in hidden]
         for level in self._filled.tolist():
             phases = tiles.slices[level]
             if not phases:
@@ -302,15 +324,17 @@ class Occlusion:
                 for place in set(met):
                     start, bit = place >> 3, place & 7
                     if bit not in phases:
-                        phases[bit] = _advanced(phases[0], stride, bit)
+                        base = phases[0]
+                        phases[bit] = advanced(base[: -tiles.stride], bit, base[tiles.stride :])
                     np.bitwise_or(hit, phases[bit][start : start + size], hit)
             if not kept:
                 phases.clear()
-        masks[...] = hidden.reshape(views, width, stride)[:, :, :rows]
+        masks[...] = hidden.reshape(views, width, tiles.stride)[:, :, :rows]
 
     def _tiles_for(self, row: int, rows: int, width: int, steps: NDArray[np.intp]) -> _Tiles:
         """Empty tiles for the shifts of some views.  Each tile is computed when it is needed."""
         lows, highs = steps.min(axis=(1, 2)), steps.max(axis=(1, 2))
+        lows[:, 0] -= (lows[:, 0] + self._window.column) % self._plot[1] % 8
         # The tiles have additional rows for the largest shift, so that every shift is one
         # contiguous piece of memory. The rows beyond the band are discarded at the end.
         spans = np.minimum((highs - lows).max(axis=0, initial=0), np.subtract(self._plot, 1)[::-1])
@@ -319,18 +343,29 @@ class Occlusion:
         return _Tiles(row, rows, lows, (span_x, span_y), octets, [{} for _ in lows])
 
     def _tile(self, tiles: _Tiles, level: int) -> Octets:
-        """The tile of a slice: its voxels at the spacing of targets, packed along x and flat, from
-        the lowest shift of the views on.
-        """
+        """Targets of a slice, flat, from the lowest shift of its views on."""
         low_x, low_y = tiles.lows[level].tolist()
-        x = (low_x + self._window.column + np.arange(8 * tiles.octets)) // self._per_voxel
-        y = (low_y + tiles.row + np.arange(tiles.stride)) // self._per_voxel
-        near = self._occupied[level].take(np.arange(y[0], y[-1] + 1), axis=0, mode="wrap")
-        # The array is transposed, because copying whole rows is faster than copying single bytes.
-        fine = np.ascontiguousarray(near.T).take(x, axis=0, mode="wrap").T
-        packed = np.packbits(np.ascontiguousarray(fine), axis=1, bitorder="little")
-        tile: Octets = packed.take(y - y[0], axis=0).ravel(order="F")
-        return tile
+        rows, columns = self._plot
+        first = (low_x + self._window.column) % columns // 8
+        # The columns of a tile begin anywhere in the plot and go on beyond it.
+        octets = self._octets(level, columns // 8 + self._width + columns // 8 + 2)
+        y = (low_y + tiles.row) % rows + np.arange(tiles.stride)
+        voxels = y // self._per_voxel
+        near = octets[first : first + tiles.octets]
+        copies = [near] * (voxels[-1] // near.shape[1] + 1)
+        near = np.concatenate(copies, axis=1)[:, voxels[0] : voxels[-1] + 1]
+        if self._per_voxel > 1:
+            near = near.take(voxels - voxels[0], axis=1)
+        return near.ravel()
+
+    def _octets(self, level: int, count: int) -> Octets:
+        """A packed slice of so many octets, which is kept if the volume is not too large."""
+        found = self._packed.get(level)
+        if found is None:
+            found = packed(self._occupied[level], self._per_voxel, count)
+            if len(self._filled) * found.size <= OCTETS_KEPT:
+                self._packed[level] = found
+        return found
 
     def _cube_meetings(self, offsets: NDArray[np.float64]) -> NDArray[np.intp]:
         """Shifts [targets] at which views meet the cells of each slice of cubes."""
@@ -348,90 +383,99 @@ class Occlusion:
         per_cell = self._per_voxel * self._cell_voxels
         return plates.shifts(offsets / self._pitch_m, slope, middle, per_cell)
 
-    def _perspective_plates(self, masks: Octets, positions: NDArray[np.float64]) -> None:
-        """Set masks of shape (views, width, rows) for a volume of plates."""
-        x_m, x_of = np.unique(positions[:, 0], return_inverse=True)
-        y_m, y_of = np.unique(positions[:, 1], return_inverse=True)
-        abreast = [np.flatnonzero(x_of == x).tolist() for x in range(len(x_m))]
-        along, across = self._plot
-        scale = self._pitch_m, self._altitude_m, self._per_voxel, self._cell_voxels
-        east = plates.Axis.along(x_m, across, self._window.column, 8 * self._width, *scale)
-        north = plates.Axis.along(y_m, along, self._window.row, self.rows, *scale)
-        hidden = np.zeros((len(masks), self.rows, self._width), dtype=np.uint8)
-        for level in self._filled.tolist():
-            height = 0.5 * float(self._faces[level] + self._faces[level + 1])
-            (plane,) = self._turned(level)
-            x, x_beside = east.cells(height, level)
-            y, y_beside = north.cells(height, level)
-            again = (y != y_beside).any(axis=1)
-            for views, met, beside in zip(abreast, x, x_beside, strict=True):
-                octets = _picked(plane, met)
-                if (met != beside).any():
-                    octets |= _picked(plane, beside)
-                rows = np.ascontiguousarray(octets.T)
-                for view in views:
-                    line = y_of[view]
-                    hidden[view] |= rows.take(y[line], axis=0)
-                    if again[line]:
-                        hidden[view] |= rows.take(y_beside[line], axis=0)
-        masks[...] = hidden.transpose(0, 2, 1)
-
     def _perspective(self, masks: Octets, positions: NDArray[np.float64]) -> None:
-        """Set masks of shape (views, width, rows) for a volume of cubes."""
+        """Set masks of shape (views, width, rows) for perspective views."""
         x_m, x_of = np.unique(positions[:, 0], return_inverse=True)
         y_m, y_of = np.unique(positions[:, 1], return_inverse=True)
         abreast = [np.flatnonzero(x_of == x).tolist() for x in range(len(x_m))]
+        scale = self._pitch_m, self._altitude_m
         along, across = self._plot
-        first_y, first_x = self._window[:2]
-        hidden = np.zeros((len(masks), self.rows, self._width), dtype=np.uint8)
-        for face in np.union1d(self._filled, self._filled + 1):
-            above, around = self._turned(face)
-            x = self._voxels(face, x_m, across, first_x, 8 * self._width)
-            x_beside = self._voxels(face + 1, x_m, across, first_x, 8 * self._width)
-            y = self._voxels(face, y_m, along, first_y, self.rows)
-            if 2 * self.rows < along:  # The window meets less than half of the rows of the plot.
-                met_rows, places = np.unique(y, return_inverse=True)
-                y = places.reshape(y.shape).astype(np.int32)
-                above, around = above[:, met_rows], around[:, met_rows]
-            for views, met, beside in zip(abreast, x, x_beside, strict=True):
-                octets = _picked(around, met) | _picked(above, beside)
-                rows = np.ascontiguousarray(octets.T)
+        width = masks.shape[1]
+        east = Axis.along(x_m, *scale, across, self._window.column, 8 * width)
+        north = Axis.along(y_m, *scale, along, self._window.row, self.rows)
+        slices = self._met_plates if self._plates else self._met_cubes
+        hidden = np.zeros((len(masks), self.rows, width), dtype=np.uint8)
+        for by_camera, lines in slices(east, north):
+            for views, octets in zip(abreast, by_camera, strict=True):
+                turned = np.ascontiguousarray(octets.T)
                 for view in views:
-                    hidden[view] |= rows.take(y[y_of[view]], axis=0)
+                    for rows in lines:
+                        hidden[view] |= turned.take(rows[y_of[view]], axis=0)
         masks[...] = hidden.transpose(0, 2, 1)
 
-    def _turned(self, level: int) -> tuple[Octets, ...]:
-        """The voxels of a slice of plates, or of the slices above and around a face of cubes, with
-        columns as the first axis.
+    def _met_plates(self, east: Axis, north: Axis) -> Iterator[Met]:
+        """What rays meet in slices of plates."""
+        per_cell = self._per_voxel * self._cell_voxels
+        for levels in _parts(self._filled, east, north):
+            heights = 0.5 * (self._faces[levels] + self._faces[levels + 1])
+            moved = per_cell * _seconds(east, levels)
+            columns = MetColumns.of(east.met(heights), self._plot[1], moved)
+            first = north.met(heights)
+            second = first + per_cell * _seconds(north, levels)
+            for place, level in enumerate(levels.tolist()):
+                lines = [first[place]]
+                if (first[place] != second[place]).any():
+                    lines.append(second[place])
+                (octets,), lines = self._slices([(level,)], lines)
+                yield columns.hidden(octets, place), lines
 
-        The result is kept for later views if the volume is not too large.
+    def _met_cubes(self, east: Axis, north: Axis) -> Iterator[Met]:
+        """What rays meet at the faces between slices of cubes."""
+        filled = set(self._filled.tolist())
+        for faces in _parts(np.union1d(self._filled, self._filled + 1), east, north):
+            all_faces = np.union1d(faces, faces + 1)
+            # No slice is above the highest face, so the rays there do not matter.
+            heights = self._faces[np.minimum(all_faces, len(self._faces) - 1)]
+            columns = MetColumns.of(east.met(heights), self._plot[1])
+            rows = north.met(self._faces[faces])
+            for place, face in enumerate(faces.tolist()):
+                around = tuple(level for level in (face - 1, face) if level in filled)
+                merged = [around, (face,)] if face in filled else [around]
+                slices, lines = self._slices(merged, [rows[place]])
+                at = int(np.searchsorted(all_faces, face))
+                hidden = columns.hidden(slices[0], at)
+                for above in slices[1:]:
+                    for own, beside in zip(hidden, columns.hidden(above, at + 1), strict=True):
+                        np.bitwise_or(own, beside, out=own)
+                yield hidden, lines
+
+    def _slices(
+        self, merged: list[tuple[int, ...]], lines: list[NDArray[np.intp]]
+    ) -> tuple[list[Octets], list[NDArray[np.intp]]]:
+        """Octets from each column of merged slices, and the rows of these octets that targets meet.
+
+        Parameters
+        ----------
+        merged
+            Slices that are merged to one, for each of the results.
+        lines
+            Rows of targets.
         """
-        found = self._planes.get(level)
+        along = self._plot[0] // self._per_voxel
+        lines = [line // self._per_voxel % along for line in lines]
+        if 2 * self.rows >= self._plot[0]:
+            return [self._from_each_column(levels) for levels in merged], lines
+        # Most rows of the plot are not met.
+        met, places = np.unique(np.stack(lines), return_inverse=True)
+        octets = [from_each_column(self._merged(levels)[:, met]) for levels in merged]
+        return octets, list(places.reshape(len(lines), *lines[0].shape))
+
+    def _from_each_column(self, levels: tuple[int, ...]) -> Octets:
+        """Octets from each column of merged slices, which are kept if the volume is not too large."""
+        found = self._from_each.get(levels)
         if found is None:
-            above = self._occupied[level : level + 1].any(axis=0)
-            around = self._occupied[max(level - 1, 0) : level + 1].any(axis=0)
-            planes = (above,) if self._plates else (above, around)
-            found = tuple(np.ascontiguousarray(plane.T).view(np.uint8) for plane in planes)
-            if len(planes) * self._occupied.size <= OCTETS_KEPT:
-                self._planes[level] = found
+            found = from_each_column(self._merged(levels))
+            if 2 * len(self._filled) * found.size <= OCTETS_KEPT:
+                self._from_each[levels] = found
         return found
 
-    def _voxels(
-        self, face: int, camera_m: NDArray[np.float64], across: int, first: int, count: int
-    ) -> NDArray[np.int32]:
-        """Indices of the voxels in which rays cross a face, along an axis of `across` targets.
-
-        The result has the shape (cameras, count), for the `count` targets from `first` on.  A face
-        above the highest face is treated as the highest face.  The result does not matter there,
-        because no slice above is occupied.
-        """
-        height = self._faces[min(face, len(self._faces) - 1)]
-        target = (np.arange(first, first + count) + (0.5 - 0.5 * across)) * (1.0 - height)
-        camera = camera_m * (height / self._pitch_m) + 0.5 * across
-        place = (target + camera[:, np.newaxis]) / self._per_voxel
-        voxels: NDArray[np.int32] = np.floor(place).astype(np.int32)
-        voxels %= across // self._per_voxel
-        return voxels
+    def _merged(self, levels: tuple[int, ...]) -> Octets:
+        """Slices that are packed and merged to one."""
+        count = self._plot[1] // 8 + 2
+        octets = self._octets(levels[0], count)
+        for level in levels[1:]:
+            octets = octets | self._octets(level, count)
+        return octets
 
 
 def checked_positions(positions_m: ArrayLike) -> NDArray[np.float64]:
@@ -444,23 +488,13 @@ def checked_positions(positions_m: ArrayLike) -> NDArray[np.float64]:
     return offsets
 
 
-def _picked(plane: Octets, columns: NDArray[np.int32]) -> Octets:
-    """The columns of a turned plane above the targets, packed eight to an octet, shape (width,
-    rows).
-    """
-    apart = plane.take(columns, axis=0)
-    octets = apart[0::8].copy()
-    for bit in range(1, 8):
-        octets |= apart[bit::8] << np.uint8(bit)
-    return octets
+def _parts(levels: NDArray[np.intp], *axes: Axis) -> Iterator[NDArray[np.intp]]:
+    """Levels, as many at once as there is memory for the positions of rays in them."""
+    step = max(POSITIONS_AT_ONCE // max(axis.size for axis in axes), 1)
+    for start in range(0, len(levels), step):
+        yield levels[start : start + step]
 
 
-def _advanced(tile: Octets, stride: int, bit: int) -> Octets:
-    """A flat tile whose bits are moved by 1 to 7 places towards x = 0.  The last octets are
-    lost.
-    """
-    moved = tile[:-stride] >> np.uint8(bit)
-    # A multiplication is used instead of a shift to the left, because numpy multiplies octets
-    # faster.
-    moved |= tile[stride:] * np.uint8(1 << (8 - bit))
-    return moved
+def _seconds(axis: Axis, levels: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Number of cells from the first cell that rays meet in slices of plates to the second one."""
+    return plates.seconds(axis.slant, axis.slope, axis.plot, levels).astype(np.intp)

@@ -9,7 +9,7 @@ choice of slices differs between views and is evenly distributed over the slices
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Floats = NDArray[np.float64]
+    Sides = NDArray[np.int8]
 
 SPREAD = np.array([754.877666, 569.840291])
 """Factors that convert positions to evenly distributed numbers.  They are derived from the plastic
@@ -56,79 +57,32 @@ def shifts(offsets: Floats, slope: Floats, middle: Floats, per_cell: int) -> NDA
     return np.stack(met, axis=2)
 
 
-class Axis(NamedTuple):
-    """Targets and cameras of perspective views along one axis.
+def seconds(slant: Floats, slope: Floats, across: int, levels: NDArray[np.intp]) -> Sides:
+    """Cells that perspective rays meet beside the first one of a slice, along one axis.
 
-    Attributes
+    Parameters
     ----------
-    target
-        Shape (count,): positions of targets relative to the plot's centre, in targets.
-    camera
-        Shape (cameras,): positions of cameras relative to the plot's centre, in targets.
-    more
-        Shape (cameras, count): sec θ - 1 of the rays, where θ is the angle of the ray projected on
-        this axis.
-    toward
-        Shape (cameras, count): 1 or -1, the direction from the target to the camera.
-    phase
-        Shape (cameras, 1): start of the sequence that selects the slices with a second cell.
+    slant
+        Shape (cameras, count): tangents of the angles of rays, projected on the axis.
+    slope
+        Shape (cameras,): positions of the cameras relative to the plot's centre, divided by the altitude.
     across
         Number of targets along the plot.
-    per_voxel
-        Targets along each side of a voxel.
-    cell_voxels
-        Voxels along each side of a cell.
+    levels
+        Shape (slices,): indices of the slices.
+
+    Returns
+    -------
+    ndarray
+        Shape (slices, cameras, count): 0 for rays that meet one cell, otherwise 1 or -1, the
+        direction of the camera, in which the second cell is.
     """
-
-    target: Floats
-    camera: Floats
-    more: Floats
-    toward: NDArray[np.int32]
-    phase: Floats
-    across: int
-    per_voxel: int
-    cell_voxels: int
-
-    @classmethod
-    def along(
-        cls,
-        camera_m: Floats,
-        across: int,
-        first: int,
-        count: int,
-        pitch_m: float,
-        altitude_m: float,
-        per_voxel: int,
-        cell_voxels: int,
-    ) -> Axis:
-        """An axis of `across` targets, with the `count` targets from `first` on."""
-        target = (np.arange(first, first + count) + (0.5 - 0.5 * across)).astype(np.float64)
-        slant = (camera_m[:, np.newaxis] - target * pitch_m) / altitude_m
-        return cls(
-            target,
-            camera_m / pitch_m,
-            np.sqrt(1.0 + slant * slant) - 1.0,
-            np.where(slant < 0.0, -1, 1).astype(np.int32),
-            _phase(np.column_stack([camera_m / altitude_m, np.full(len(camera_m), across)]))[
-                :, np.newaxis
-            ],
-            across,
-            per_voxel,
-            cell_voxels,
-        )
-
-    def cells(self, height: float, level: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """First and second cell that rays meet in a slice.
-
-        Both arrays have the shape (cameras, count).  If a ray meets only one cell, the second cell
-        equals the first.
-        """
-        place = self.target * (1.0 - height) + self.camera[:, np.newaxis] * height
-        place += 0.5 * self.across
-        met = np.floor(place / self.per_voxel).astype(np.int32)
-        again = (_again(self.more, self.phase, np.float64(level)) > 0) * np.int32(self.cell_voxels)
-        cells = np.int32(self.across // self.per_voxel)
-        return met % cells, (met + self.toward * again) % cells
+    more = np.sqrt(1.0 + slant * slant) - 1.0
+    phase = _phase(np.column_stack([slope, np.full(len(slope), across)]))[:, np.newaxis]
+    level = levels.astype(np.float64)[:, np.newaxis, np.newaxis]
+    again = _again(more, phase, level) > 0
+    toward: Sides = np.where(slant < 0.0, -1, 1).astype(np.int8) * again
+    return toward
 
 
 def _phase(positions: Floats) -> Floats:
@@ -137,7 +91,7 @@ def _phase(positions: Floats) -> Floats:
     return phases
 
 
-def _again(more: Floats, phase: Floats, level: Floats | np.float64) -> NDArray[np.intp]:
+def _again(more: Floats, phase: Floats, level: Floats) -> NDArray[np.intp]:
     """Number of additional cells that rays meet in a slice.  Its mean over the slices is `more`."""
     passed = np.floor((level + 1.0) * more + phase) - np.floor(level * more + phase)
     return passed.astype(np.intp)
