@@ -1,4 +1,4 @@
-"""Run time and error of the models for one stand:  python benchmarks/measured.py [CLOUD.laz]
+"""Processor time and error of the models for one stand:  python benchmarks/measured.py [CLOUD.laz]
 
 V and V̂ are computed for 49 views that are 2 m or 3.5 m apart, from 50 m above a stand of voxels,
 by
@@ -8,11 +8,12 @@ by
 - the correlogram (the table is computed once, before the predictions), also with fewer lags and
   directions;
 - the layered model, and the uniform model with the stand's p at d̂ = 1;
-- Embree through Open3D with 1 x 1 to 4 x 4 targets per voxel, if Open3D is installed.  Each result
-  is compared with Embree with 8 x 8 targets per voxel.  Without Open3D, it is compared with the
-  measured model with 12 x 12 targets per voxel.  All methods run in one thread.  Without a cloud,
-  the stand is generated.  It takes a minute or two, prints a table, and writes it to
-  benchmarks/results/ together with a figure.
+- Embree with 1 x 1 to 4 x 4 targets per voxel, if its binding is installed (``pip install embreex``).
+
+Each result is compared with Embree with 8 x 8 targets per voxel.  Without Embree, it is compared with
+the measured model with 12 x 12 targets per voxel.  All methods run in one thread.  Without a cloud, the
+stand is generated.  It takes some minutes of processor time, prints a table, and writes it to
+benchmarks/results/ together with a figure.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -68,19 +69,11 @@ class Row(NamedTuple):
 Predictor = Callable[[float], Prediction]
 """A prediction as a function of the baseline."""
 
+Occluded = Callable[[np.ndarray], np.ndarray]
+"""Which rays, of shape (n, 6) with starts and directions, meet an occluder."""
+
 
 # --- Embree --------------------------------------------------------------------------------
-
-
-def open3d() -> Any:
-    """Open3D, or None if it is not installed.  Open3D is optional, because it is large and needs
-    system libraries.
-    """
-    try:
-        return importlib.import_module("open3d")
-    except (ImportError, OSError) as error:
-        print(f"without Embree: {error}", file=sys.stderr)
-        return None
 
 
 def faces_of(volume: VoxelVolume, margin: int) -> tuple[np.ndarray, np.ndarray]:
@@ -101,11 +94,41 @@ def faces_of(volume: VoxelVolume, margin: int) -> tuple[np.ndarray, np.ndarray]:
     return (vertices * volume.voxel_m).astype(np.float32), triangles.astype(np.uint32)
 
 
-def embree(o3d: Any, volume: VoxelVolume) -> Callable[[str, int], Predictor]:
-    """Predictors by kind of view and targets per voxel."""
+def rays_of(volume: VoxelVolume, reach_m: float) -> Occluded | None:
+    """Whether each ray from the ground is occluded, by Embree; None if it is not installed.
+
+    Parameters
+    ----------
+    volume
+        The voxels; copies of the plot surround it as far as rays reach.
+    reach_m
+        Largest distance from the plot at which a ray leaves the canopy.
+    """
+    try:
+        scenes, meshes = (
+            importlib.import_module(f"embreex.{name}")
+            for name in ("rtcore_scene", "mesh_construction")
+        )
+    except ImportError as error:
+        print(f"without Embree: {error}", file=sys.stderr)
+        return None
+    scene = scenes.EmbreeScene()
+    vertices, triangles = faces_of(volume, int(reach_m / volume.voxel_m) + 2)
+    meshes.TriangleMesh(scene, vertices, triangles.astype(np.int32))
+
+    def occluded(rays: np.ndarray) -> np.ndarray:
+        starts, directions = (np.ascontiguousarray(half) for half in (rays[:, :3], rays[:, 3:]))
+        return np.asarray(scene.run(starts, directions, query="OCCLUDED") >= 0)
+
+    return occluded
+
+
+def embree(volume: VoxelVolume) -> Callable[[str, int], Predictor] | None:
+    """Predictors by kind of view and targets per voxel; None without Embree."""
     reach_m = 0.5 * PATTERN.longer_side * max(BASELINES_M) * volume.canopy_top_m / ALTITUDE_M
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(*map(o3d.core.Tensor, faces_of(volume, int(reach_m / volume.voxel_m) + 2)))
+    occluded = rays_of(volume, reach_m)
+    if occluded is None:
+        return None
 
     def predictor(view: str, per_voxel: int) -> Predictor:
         _, rows, columns = volume.occupied.shape
@@ -120,8 +143,7 @@ def embree(o3d: Any, volume: VoxelVolume) -> Callable[[str, int], Predictor]:
                 width, depth = volume.size_m
                 rays[:, 3] = east if view == "telecentric" else 0.5 * width + east - x
                 rays[:, 4] = north if view == "telecentric" else 0.5 * depth + north - y
-                found = scene.test_occlusions(o3d.core.Tensor(rays), tfar=1.0, nthreads=1)
-                count += found.numpy()
+                count += occluded(rays)
             mean = count / PATTERN.samples
             p = mean.mean()
             return Prediction(p, 1.0 - p, mean.var() / (p * (1.0 - p)))
@@ -161,15 +183,14 @@ def larger_voxels(volume: VoxelVolume, factor: int) -> VoxelVolume:
 def best_time(call: Callable[[], object], runs: int = RUNS) -> float:
     times = []
     for _ in range(runs):
-        start = time.perf_counter()
+        start = time.process_time()
         call()
-        times.append(time.perf_counter() - start)
+        times.append(time.process_time() - start)
     return min(times)
 
 
 def compare(volume: VoxelVolume) -> list[Row]:
-    o3d = open3d()
-    rays = embree(o3d, volume) if o3d else None
+    rays = embree(volume)
     truth = {
         view: [
             (rays(view, 8) if rays else measured(volume, view, 12))(baseline)

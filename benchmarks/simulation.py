@@ -3,7 +3,8 @@
 1.  For the voxels of one stand, with 49 views from 50 m that are 1 to 3.5 m apart, in one thread:
    rays per second; the error of V relative to Embree with 7 x 7 targets per voxel (root mean square
    over three baselines and two headings); and the time of Embree for the same error, divided by
-   that of the simulator.  Without Open3D, this part is left out.
+   that of the simulator.  Without Embree
+   (``pip install embreex``), this part is left out.
 2.  Time and memory for increasing numbers of targets, views and slices, up to 10⁴ x 10⁴ targets.
    Each simulation runs in a separate process.
 
@@ -26,7 +27,7 @@ import numpy as np
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "tests")]
-from measured import ALTITUDE_M, faces_of, open3d  # noqa: E402
+from measured import ALTITUDE_M, Occluded, rays_of  # noqa: E402
 from support.forests import STANDS, clumped_forest  # noqa: E402 (their folders have to be on the path)
 
 from aosplan.grid.patterns import Pattern, local_sites  # noqa: E402
@@ -98,7 +99,7 @@ def by_aosplan(volume: VoxelVolume, view: str, per_voxel: int):
     return visibility
 
 
-def by_embree(o3d, scene, volume: VoxelVolume, view: str, per_voxel: float):
+def by_embree(occluded: Occluded, volume: VoxelVolume, view: str, per_voxel: float):
     _, rows, columns = volume.occupied.shape
     along = [(np.arange(int(n * per_voxel)) + 0.5) / per_voxel for n in (columns, rows)]
     x, y = (axis.ravel() * volume.voxel_m for axis in np.meshgrid(*along))
@@ -111,7 +112,7 @@ def by_embree(o3d, scene, volume: VoxelVolume, view: str, per_voxel: float):
         for east, north in sites(*flight).tolist():
             rays[:, 3] = east if view == "telecentric" else 0.5 * width + east - x
             rays[:, 4] = north if view == "telecentric" else 0.5 * depth + north - y
-            count += scene.test_occlusions(o3d.core.Tensor(rays), tfar=1.0, nthreads=1).numpy()
+            count += occluded(rays)
         mean = count / PATTERN.samples
         return 1.0 - float((mean * mean).mean()), x.size * PATTERN.samples
 
@@ -119,22 +120,20 @@ def by_embree(o3d, scene, volume: VoxelVolume, view: str, per_voxel: float):
 
 
 def against_embree(volume: VoxelVolume, name: str) -> list[Row]:
-    o3d = open3d()
-    if not o3d:
-        return []
     reach_m = 0.8 * PATTERN.longer_side * max(FLIGHTS)[0] * volume.canopy_top_m / ALTITUDE_M
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(*map(o3d.core.Tensor, faces_of(volume, int(reach_m / volume.voxel_m) + 2)))
+    occluded = rays_of(volume, reach_m)
+    if occluded is None:
+        return []
     rows = []
     print(f"{'view':12} {'method':8} {'k':>5} {'ms':>9} {'rays/s':>10} {'error of V':>10}")
     for view in ("telecentric", "perspective"):
-        truth = [by_embree(o3d, scene, volume, view, TRUTH)(each)[0] for each in FLIGHTS]
+        truth = [by_embree(occluded, volume, view, TRUTH)(each)[0] for each in FLIGHTS]
         for method, settings in SETTINGS.items():
             for per_voxel in settings:
                 ask = (
                     by_aosplan(volume, view, int(per_voxel))
                     if method == "aosplan"
-                    else by_embree(o3d, scene, volume, view, per_voxel)
+                    else by_embree(occluded, volume, view, per_voxel)
                 )
                 errors = [ask(each)[0] - v for each, v in zip(FLIGHTS, truth, strict=True)]
                 error = float(np.sqrt(np.mean(np.square(errors))))

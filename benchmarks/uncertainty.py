@@ -158,7 +158,7 @@ def main() -> None:
                 for quantity, pair in zip(QUANTITIES, by_quantity, strict=True):
                     found.setdefault((name, view, kind, quantity), []).append(pair)
     rows = [[*key, *shares(values)] for key, values in found.items()]
-    rows += together(rows)
+    rows += [*by_plot(rows), *together(rows)]  # from the rows of single readings
     header = [
         "stand",
         "view",
@@ -178,27 +178,43 @@ def main() -> None:
         csv.writer(file, lineterminator="\n").writerows(table)
 
 
+def of_plots(rows: list[list[str]], view: str, quantity: str) -> dict[str, list[list[str]]]:
+    """The rows of each real plot."""
+    plots: dict[str, list[list[str]]] = {}
+    for row in rows:
+        plot = row[0].split(",")[0]
+        if plot != "generated" and (row[1], row[3]) == (view, quantity):
+            plots.setdefault(plot, []).append(row)
+    return plots
+
+
+def mean_row(name: str, view: str, quantity: str, plots: list[list[list[str]]]) -> list[str]:
+    """Mean shares of plots, with equal weights for plots and for the rows of each."""
+    means = [np.mean([np.mean([float(row[i]) for row in each]) for each in plots]) for i in (5, 6)]
+    count = sum(int(row[4]) for each in plots for row in each)
+    return [name, view, "all", quantity, str(count), *(f"{mean:.2f}" for mean in means), "", ""]
+
+
+def by_plot(rows: list[list[str]]) -> list[list[str]]:
+    """Mean shares of each real plot."""
+    return [
+        mean_row(f"{plot}, all", view, quantity, [own])
+        for view in VIEWS
+        for quantity in QUANTITIES
+        for plot, own in of_plots(rows, view, quantity).items()
+    ]
+
+
 def together(rows: list[list[str]]) -> list[list[str]]:
     """Mean shares of the real plots.  Each plot has the same weight, regardless of the number of
     ways in which it was read.
     """
-    found = []
-    for view in VIEWS:
-        for quantity in QUANTITIES:
-            plots: dict[str, list[list[str]]] = {}
-            for row in rows:
-                plot = row[0].split(",")[0]
-                if plot != "generated" and (row[1], row[3]) == (view, quantity):
-                    plots.setdefault(plot, []).append(row)
-            if plots:
-                means = [
-                    np.mean([np.mean([float(row[i]) for row in each]) for each in plots.values()])
-                    for i in (5, 6)
-                ]
-                count = sum(int(row[4]) for each in plots.values() for row in each)
-                shown = [f"{mean:.2f}" for mean in means]
-                found.append(["real plots", view, "all", quantity, str(count), *shown, "", ""])
-    return found
+    return [
+        mean_row("real plots", view, quantity, list(plots.values()))
+        for view in VIEWS
+        for quantity in QUANTITIES
+        if (plots := of_plots(rows, view, quantity))
+    ]
 
 
 def shares(pairs: list[tuple[float, float]]) -> list[str]:

@@ -243,8 +243,8 @@ def test_apertures_at_several_places_add_what_differs_between_them():
     assert errors.expected == pytest.approx(PERSPECTIVE * np.std(seen, ddof=1))
     one = np.random.default_rng(4).random((24, 24))
     alone, four = of_targets(one), of_apertures([one] * 4)
-    for name in ("density", "expected", "normalized"):
-        assert getattr(four, name) == pytest.approx(PERSPECTIVE * getattr(alone, name))
+    for name, factor in (("density", PERSPECTIVE), ("expected", PERSPECTIVE), ("normalized", 1.0)):
+        assert getattr(four, name) == pytest.approx(factor * getattr(alone, name))
     assert of_apertures([*fields, np.ones((8, 8))]).normalized is None
 
 

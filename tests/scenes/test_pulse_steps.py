@@ -172,7 +172,9 @@ def test_the_pyramid_keeps_known_voxels_and_fills_unknown_ones():
     intercepted = np.zeros((16, 16, 16), np.float32)
     path = np.zeros_like(intercepted)
     intercepted[:, :, :8], path[:, :, :8] = 500.0, 1000.0
-    rate = attenuation.attenuation(attenuation.VoxelSums(intercepted, path), 0.3, 0.25)
+    rate = attenuation.attenuation(
+        attenuation.VoxelSums(intercepted, path), attenuation.Strengths(0.3, 1.0), 0.25
+    )
     assert rate[:, :, :8] == pytest.approx(0.5, rel=1e-3)
     # Voxels without pulses have the attenuation of the surrounding block.
     assert rate[:, :, 8:] == pytest.approx(0.5, rel=1e-3)
@@ -188,7 +190,29 @@ def test_one_level_of_shrinkage_by_hand():
     a, overall = 0.4, 3.0 / 12.0
     layer = (3.0 + a) / (12.0 + a / overall)
     expected = [(3.0 + a) / (10.0 + a / layer), a / (2.0 + a / layer)]
-    assert attenuation.attenuation(sums, a, 4.0)[0, 0] == pytest.approx(expected, rel=1e-5)
+    # The same for the columns, from what was intercepted and what these rates predict.
+    predicted = [10.0 * expected[0], 2.0 * expected[1]]
+    overall = 3.0 / sum(predicted)
+    layer = (3.0 + 1.0) / (sum(predicted) + 1.0 / overall)
+    factors = [(3.0 + 1.0) / (predicted[0] + 1.0 / layer), 1.0 / (predicted[1] + 1.0 / layer)]
+    expected = [rate * factor for rate, factor in zip(expected, factors, strict=True)]
+    strengths = attenuation.Strengths(a, 1.0)
+    assert attenuation.attenuation(sums, strengths, 4.0)[0, 0] == pytest.approx(expected, rel=1e-5)
+
+
+def test_gaps_from_the_ground_to_the_top_stay_open():
+    """Columns that nothing intercepts beside columns of crowns, with few pulses in each."""
+    rng = np.random.default_rng(2)
+    crown = np.kron(rng.random((8, 8)) < 0.5, np.ones((4, 4)))
+    path = np.full((32, 32, 32), 0.5, np.float32)
+    intercepted = rng.poisson(0.2 * path * crown).astype(np.float32)
+    rate = attenuation.attenuation(
+        attenuation.VoxelSums(intercepted, path), attenuation.Strengths(0.3, 1.0), 0.25
+    )
+    depths = 0.25 * rate.sum(axis=0)
+    assert depths[crown == 0.0].mean() < 0.02 * depths[crown > 0.0].mean()
+    measured = 8.0 * intercepted[:, crown > 0.0].sum() / path[:, crown > 0.0].sum()
+    assert depths[crown > 0.0].mean() == pytest.approx(measured, rel=0.02)
 
 
 def test_the_scale_meets_the_gap():

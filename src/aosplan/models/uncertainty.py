@@ -6,7 +6,13 @@ plot's edges.  `Uncertainty.parts` has each contribution; `OMITTED` lists what i
 
 **The plot, telecentric.**  p̄, V and V̂ are smooth functions of means over targets. To first order, each of them is the mean over targets of an *influence* z(t). Let s² be the variance of z within the plot, and A the integral of the correlation of z (the *integral range*). The plot then corresponds to n = plot area/A independent targets, and the variance of the mean is s²/n (Matheron). Because z is measured relative to the mean of the plot itself, the covariance at every lag is too small by the variance of this mean. This variance is therefore added again.
 
-**The plot, in perspective.**  The rays from all targets to one camera converge, so that an aperture sees only part of the canopy. At another place, the same aperture would see another part. The variance is therefore the sum of two terms, for apertures at four places of the plot. The first is the variance of the mean over these apertures, computed as above. The second is the variance between these apertures. The differences between halves and quarters of real plots are even larger. The standard error is therefore multiplied by `PERSPECTIVE`.
+**The plot, in perspective.**  The rays from all targets to one camera converge, so that an aperture
+sees only part of the canopy.  At another place, the same aperture would see another part.  The
+variance is therefore the sum of two terms, for apertures at four places of the plot.  The first is
+the variance of the mean over these apertures, computed as above.  The second is the variance between
+these apertures.  Plots also differ in their number of trees.  Within one plot this difference is not
+visible.  It changes p̄ and V, and hardly V̂, which is relative to p̄.  The standard errors of p̄ and V
+are therefore multiplied by `PERSPECTIVE`.
 
 Differences between halves and quarters of two real plots and of generated stands are within one
 standard error in about 70 % of the cases, and within two in about 95 %
@@ -50,8 +56,8 @@ voxels of twice the size.
 """
 
 PERSPECTIVE = 1.2
-"""Factor by which standard errors in perspective are multiplied, fitted to halves and quarters of
-real plots.
+"""Factor by which the standard errors of p̄ and V in perspective are multiplied, fitted to halves and
+quarters of real plots.
 """
 
 CLUMPS = ((400.0, (0.004, 0.010, 0.050)), (math.inf, (0.003, 0.003, 0.020)))
@@ -137,13 +143,13 @@ def of_apertures(hidden: Sequence[Floats], cell: int = 1) -> Uncertainty:
     found = [_statistics(float(each.mean()), float((each * each).mean())) for each in hidden]
 
     def both(error: float, values: Sequence[float]) -> float:
-        return PERSPECTIVE * math.hypot(error, float(np.std(values, ddof=1)))
+        return math.hypot(error, float(np.std(values, ddof=1)))
 
     defined = [vhat for _, _, vhat in found if vhat is not None]
     known = errors[2] is not None and len(defined) == len(hidden)
     return _of_plot(
-        both(errors[0], [p for p, _, _ in found]),
-        both(errors[1], [v for _, v, _ in found]),
+        PERSPECTIVE * both(errors[0], [p for p, _, _ in found]),
+        PERSPECTIVE * both(errors[1], [v for _, v, _ in found]),
         both(errors[2] or 0.0, defined) if known else None,
         f"integral range and {len(hidden)} apertures",
     )

@@ -139,8 +139,8 @@ class AttenuationField(NamedTuple):
         Scale factors of λ, for each of `ENERGIES`.
     gaps
         Share of the energy that reaches the ground, for each of `ENERGIES`.
-    strength
-        Strength of the shrinkage.
+    strengths
+        Strengths of the shrinkages.
     sampled
         Share of the voxels between cut and top that pulses crossed.
     """
@@ -148,7 +148,7 @@ class AttenuationField(NamedTuple):
     rate: NDArray[np.float32]
     scales: dict[str, float]
     gaps: dict[str, float]
-    strength: float
+    strengths: attenuation.Strengths
     sampled: float
 
 
@@ -221,7 +221,7 @@ def volume_from_pulses(
         scale=field.scales["weighted"],
         scale_first=field.scales["first"],
         scale_last=field.scales["last"],
-        shrinkage=field.strength,
+        shrinkage=field.strengths.voxel,
         seed=realise.SEED,
     )
     return PulseVolume(middle, (dense, thin), leaf_m, opacity)
@@ -356,7 +356,7 @@ def fitted_field(beams: Beams, grid: trace.VoxelGrid) -> AttenuationField:
     parts = [_sums(beams.take(fold == k), grid) for k in range(FOLDS)]
     both = attenuation.total(parts)
     halves = attenuation.total(parts[::2]), attenuation.total(parts[1::2])
-    strength = attenuation.best_strength(halves, grid.voxel_m)
+    strengths = attenuation.best_strengths(halves, grid.voxel_m)
     del halves
     through = through_canopy(beams, grid)
     depths = np.zeros(len(beams.pulses))
@@ -365,7 +365,7 @@ def fitted_field(beams: Beams, grid: trace.VoxelGrid) -> AttenuationField:
         # Because of rounding, a difference of sums may be negative.
         for each in others:
             np.maximum(each, 0.0, out=each)
-        rate = attenuation.attenuation(others, strength, grid.voxel_m)
+        rate = attenuation.attenuation(others, strengths, grid.voxel_m)
         held_out = through & (fold == k)
         depths[held_out] = optical_depths(rate, beams.take(held_out), grid)
     gaps = {name: float(each[through].mean()) for name, each in beams.gaps().items()}
@@ -378,10 +378,10 @@ def fitted_field(beams: Beams, grid: trace.VoxelGrid) -> AttenuationField:
     scales = {name: attenuation.scale_for(depths[through], gap) for name, gap in gaps.items()}
     lowest = int(grid.cut_m / grid.voxel_m + FACE)
     return AttenuationField(
-        attenuation.attenuation(both, strength, grid.voxel_m),
+        attenuation.attenuation(both, strengths, grid.voxel_m),
         scales,
         gaps,
-        strength,
+        strengths,
         float((both.path_m[lowest:] > 0.0).mean()) if lowest < grid.slices else 1.0,
     )
 
