@@ -192,7 +192,11 @@ def _real_beams():
 @pytest.mark.slow
 @pytest.mark.skipif(not UAS.exists(), reason="needs the cloud")
 def test_the_voxel_hardly_matters_on_the_real_cloud():
-    """Values of two implementations: p at nadir 0.62 to 0.63, p̄ 0.65, V 0.52, V̂ 0.76."""
+    """p̄ and V do not depend on the voxel.
+
+    Two prototypes without factors of columns had p 0.62 to 0.63 at nadir, p̄ 0.65, V 0.52 and V̂ 0.76;
+    with these factors, the likelihood of held-out pulses is higher.
+    """
     found = []
     for voxel_m in (0.15, 0.5):
         volume = read_voxels(UAS, opacity="auto", min_height_m=0.5, voxel_m=voxel_m)
@@ -201,9 +205,9 @@ def test_the_voxel_hardly_matters_on_the_real_cloud():
         shown = model.predict_positions(FORTY_NINE)
         found.append((model.density, shown.density, shown.expected, shown.normalized))
     nadir, density, expected, normalized = np.array(found).T
-    assert nadir == pytest.approx(0.625, abs=0.01)
-    assert density == pytest.approx(0.6515, abs=0.01)
-    assert expected == pytest.approx(0.5225, abs=0.01)
-    assert normalized == pytest.approx(0.7645, abs=0.015)
+    assert nadir == pytest.approx(0.605, abs=0.01)
+    assert density == pytest.approx(0.635, abs=0.01)
+    assert expected == pytest.approx(0.542, abs=0.01)
+    assert normalized == pytest.approx(0.760, abs=0.015)
     assert np.ptp(density) < 0.01
     assert np.ptp(expected) < 0.05 * expected.mean()

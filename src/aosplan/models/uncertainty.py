@@ -60,7 +60,7 @@ PERSPECTIVE = 1.2
 quarters of real plots.
 """
 
-CLUMPS = ((400.0, (0.004, 0.010, 0.050)), (math.inf, (0.003, 0.003, 0.020)))
+CLUMPS = ((400.0, (0.003, 0.007, 0.032)), (math.inf, (0.003, 0.003, 0.017)))
 """Density of pulses per square metre, and the errors of p, V and V̂ because of unresolved clumps at
 lower densities.
 """
