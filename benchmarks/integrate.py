@@ -2,7 +2,7 @@
 
 Run: python benchmarks/integrate.py
 
-The recordings are rendered first: a tilted camera above a textured plane.  Times are medians of
+The recordings are rendered first: a tilted camera above a textured plane.  Times are minima of
 whole runs of `integrate`, in seconds on one core, with files read from the disk each time.  "By
 points" is the method for distorted images, here used for the same pinhole images.  "Plain loop"
 reads the same files with OpenCV, warps each image as a whole and adds it.
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import csv
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -65,13 +64,15 @@ def views(width, height):
         yield ViewSource(View(f"{index}", rotation, -rotation @ position), lens, "")
 
 
-def seconds(run, repeats):
-    times = []
+def seconds(ways, repeats):
+    """Shortest processor time of each of several functions, which are called in turn."""
+    times = [[] for _ in ways]
     for _ in range(repeats):
-        start = time.process_time()
-        run()
-        times.append(time.process_time() - start)
-    return statistics.median(times)
+        for run, spent in zip(ways, times, strict=True):
+            start = time.process_time()
+            run()
+            spent.append(time.process_time() - start)
+    return [min(spent) for spent in times]
 
 
 def plain_loop(sources, plane, raster):
@@ -104,21 +105,27 @@ def speeds():
             # Small images are repeated, so that a run takes long enough to be measured.
             several = sources * (12 if width < 1000 else 1)
 
-            def run(several=several, plane=plane, raster=raster):
+            def ours(several=several, plane=plane, raster=raster):
                 return integrate(several, plane, raster)
 
-            fast = seconds(run, repeats)
-            reading = seconds(lambda s=several: [module.read_picture(i.path) for i in s], repeats)
-            loop = seconds(lambda s=several, p=plane, r=raster: plain_loop(s, p, r), repeats)
-            with mock.patch.object(Intrinsics, "is_pinhole", False):
-                slow = seconds(run, repeats)
+            def by_points(ours=ours):
+                with mock.patch.object(Intrinsics, "is_pinhole", False):
+                    return ours()
+
+            def reading(several=several):
+                return [module.read_picture(source.path) for source in several]
+
+            def loop(several=several, plane=plane, raster=raster):
+                return plain_loop(several, plane, raster)
+
+            fast, slow, read, plain = seconds((ours, by_points, reading, loop), repeats)
             yield (
                 name,
                 f"{raster.columns} x {raster.rows}",
                 f"{len(several) / fast:.1f}",
-                f"{reading / fast:.2f}",
+                f"{read / fast:.2f}",
                 f"{slow / fast:.2f}",
-                f"{loop / fast:.2f}",
+                f"{plain / fast:.2f}",
             )
 
 

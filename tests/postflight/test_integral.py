@@ -261,6 +261,7 @@ LENSES = {
     "SIMPLE_RADIAL": ((-0.12,), (-0.12, 0, 0, 0)),
     "RADIAL": ((-0.12, 0.03), (-0.12, 0.03, 0, 0)),
     "OPENCV": ((-0.15, 0.04, 0.002, -0.003), (-0.15, 0.04, 0.002, -0.003)),
+    "FULL_OPENCV": ((-0.15, 0.04, 0.002, -0.003, 0, 0, 0, 0), (-0.15, 0.04, 0.002, -0.003)),
 }
 
 
@@ -279,6 +280,15 @@ def test_colmap_with_and_without_distortion(tmp_path, model):
     assert np.abs(shift_px(found.values[..., 0], truth(raster), found.seen(1))).max() < 0.02
     error = np.abs(found.values[..., 0] - truth(raster))[found.seen(1)]
     assert np.quantile(error, 0.99) < bilinear_error(0.27)
+
+
+def test_a_rational_distortion_is_refused(tmp_path):
+    numbers = f"{FOCAL} {FOCAL} 80 60 -0.1 0 0 0 0 0.2 0 0"
+    view = next(iter(sites(1)))
+    camera = f"1 FULL_OPENCV {WIDTH} {HEIGHT} {numbers}"
+    folder, _ = write_colmap(tmp_path, [view], [photo(*view)], [camera])
+    with pytest.raises(RequestError, match="k4, k5 or k6 is not supported"):
+        read_poses(folder)
 
 
 def test_ignoring_the_distortion_would_be_found(tmp_path):

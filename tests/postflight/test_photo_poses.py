@@ -9,8 +9,10 @@ from functools import partial
 import numpy as np
 import pytest
 import rasterio
+import tifffile
 from jsonschema import Draft202012Validator
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 from scipy.spatial.transform import Rotation
 from support import flown
 from support.flown import ORIGIN, fly, rotation_of, write_photo
@@ -340,3 +342,86 @@ def test_cut_binary_models_are_refused(folder, cut):
     (folder / "images.bin").write_bytes(content[:cut])
     with pytest.raises(RequestError, match="ends in the middle"):
         read_colmap(str(folder / "images.bin"))
+
+
+# Folders as they come from memory cards
+
+
+def said(folder):
+    return {message.code: message.message for message in read(folder).messages}
+
+
+def test_photos_in_folders_inside_the_folder_are_used(command, folder):
+    (folder / "photos").mkdir()
+    fly(folder / "photos" / "100MEDIA", count=4)
+    fly(folder / "photos" / "101MEDIA", count=4, seed=2)
+    fly(folder / "photos" / ".Trashes", count=4, seed=3)
+    names = [view.name for view in read(folder / "photos").views]
+    assert names[0].replace("\\", "/") == "100MEDIA/DJI_0000.jpg"
+    assert len(names) == 8
+    status, _, err = command("photos", "--out", "a.png", "--quiet")
+    assert (status, err) == (0, "")
+
+
+def test_a_png_is_a_photo_if_it_has_a_position(folder):
+    poses = fly(folder / "photos", count=4)
+    for path in sorted((folder / "photos").iterdir()):
+        with Image.open(path) as image:
+            text = PngInfo()
+            text.add_itxt("XML:com.adobe.xmp", image.info["xmp"].decode())
+            image.save(path.with_suffix(".png"), exif=image.getexif(), pnginfo=text)
+        path.unlink()
+    Image.new("L", (3, 3)).save(folder / "photos" / "integral.png")
+    found = read(folder / "photos")
+    assert [view.name for view in found.views] == [f"DJI_{k:04d}.png" for k in range(4)]
+    assert found.messages == ()
+    assert [view.position[2] for view in found.views] == pytest.approx([p[2] for p, _ in poses])
+
+
+def test_copies_count_once(command, folder):
+    fly(folder / "photos", count=4)
+    content = (folder / "photos" / "DJI_0001.jpg").read_bytes()
+    (folder / "photos" / "DJI_0001 (1).jpg").write_bytes(content)
+    # another photo from the same place, with a file of the same size
+    (folder / "photos" / "DJI_0009.jpg").write_bytes(content[:-3] + b"\0" + content[-2:])
+    assert len(read(folder / "photos").views) == 5
+    assert said(folder / "photos")["copies"] == (
+        "1 photo with the same content as another photo is left out: DJI_0001 (1).jpg"
+    )
+
+
+@pytest.mark.parametrize(
+    ("east_m", "up_m", "code"),
+    [(3000.0, 30.0, "far_photos"), (90_000.0, 30.0, "far_photos"), (0.0, 0.0, "low_photos"),
+     (0.0, -0.4, "low_photos"), (0.0, 12.0, "low_photos"), (0.0, 20.0, None), (200.0, 30.0, None)],
+)  # fmt: skip
+def test_a_wrong_position_or_a_photo_of_the_take_off_is_left_out(folder, east_m, up_m, code):
+    fly(folder / "photos", count=9)
+    write_photo(folder / "photos" / "DJI_0100.jpg", (east_m, 0.0, up_m), (0.0, -90.0, 0.0))
+    found = said(folder / "photos")
+    assert set(found) == ({code} if code else set())
+    assert code is None or found[code].endswith("left out: DJI_0100.jpg")
+    assert len(read(folder / "photos").views) == (10 if code is None else 9)
+
+
+def test_many_low_photos_are_not_a_climb(folder):
+    fly(folder / "photos", count=9)
+    for index in range(4):
+        place = (2.0 * index, 0.0, 10.0)
+        write_photo(folder / "photos" / f"DJI_010{index}.jpg", place, (0.0, -90.0, 0.0))
+    assert len(read(folder / "photos").views) == 13
+
+
+@pytest.mark.parametrize("nodata", ["-9999", "nan"])
+def test_missing_values_of_radiometric_tiffs_do_not_count(folder, nodata):
+    fly(folder / "photos", count=4)
+    for index in range(4):
+        values = np.full((HEIGHT, WIDTH), 293.0, np.float32)
+        values[:40] = float(nodata)
+        path = folder / "photos" / f"DJI_{index:04d}.tif"
+        tifffile.imwrite(path, values, extratags=[(42113, "s", 0, nodata, True)])
+    recording = Recording(str(folder / "photos"))
+    assert recording.messages == ()  # the TIFFs are the pixels of the photos
+    found = recording.integrate(ViewSubset(), recording.raster((-8, -8, 8, 8), 0.2))
+    assert found.values[found.coverage > 0] == pytest.approx(293.0, abs=1e-3)
+    assert 0 < found.coverage.min() + 1 < found.coverage.max()

@@ -7,6 +7,7 @@ height above the take-off point.  The images themselves are not decoded.
 from __future__ import annotations
 
 import contextlib
+import filecmp
 import math
 import os
 import re
@@ -17,10 +18,10 @@ from aosplan.files import decoding
 from aosplan.postflight.positions_file import Place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
-SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff")
-"""Extensions of photos."""
+SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
+"""Extensions of photos.  A PNG is a photo if it has a position, because figures are PNGs too."""
 
 GPS = 0x8825
 """EXIF tag of the GPS information."""
@@ -52,8 +53,9 @@ class Photos(NamedTuple):
     doubtful
         Reason why the position of a photo is not used, by file name.
     paired
-        Photos that are left out because another photo of the same shot is used.  The keys are the
-        names of the photos that are left out, and the values are the names of the used photos.
+        Photos that are left out because another photo of the same shot, or a copy, is used.  The
+        keys are the names of the photos that are left out, and the values are the names of the used
+        photos.
     """
 
     places: dict[str, Place | None]
@@ -74,7 +76,7 @@ def read_photos(folder: str) -> Photos:
         If Pillow is not installed.
     """
     places, doubtful = photo_places(folder)
-    paired = _pairs(places)
+    paired = copies_of(folder, places) | _pairs(places)
     return Photos(
         {name: place for name, place in places.items() if name not in paired}, doubtful, paired
     )
@@ -83,21 +85,14 @@ def read_photos(folder: str) -> Photos:
 def photo_places(folder: str) -> tuple[dict[str, Place | None], dict[str, str]]:
     """Positions of all photos in a folder by name, and the reasons why some positions are not used.
 
+    Photos in folders inside the folder are included.  Their names are paths relative to the folder.
+
     Raises
     ------
     RequestError, MissingExtraError
         In the same cases as `read_photos`.
     """
-    try:
-        names = sorted(
-            name
-            for name in os.listdir(folder)
-            if name.lower().endswith(SUFFIXES)
-            and name[0] != "."
-            and os.path.isfile(os.path.join(folder, name))
-        )
-    except OSError as error:
-        raise RequestError(f"folder '{folder}': {(error.strerror or str(error)).lower()}") from None
+    names = _names(folder)
     places: dict[str, Place | None] = {}
     doubtful: dict[str, str] = {}
     for name in names:
@@ -105,16 +100,57 @@ def photo_places(folder: str) -> tuple[dict[str, Place | None], dict[str, str]]:
             places[name] = _place(os.path.join(folder, name))
         except DoubtfulError as error:
             places[name], doubtful[name] = None, str(error)
+        if places[name] is None and name.lower().endswith(".png"):
+            del places[name]
     if not any(places.values()):
         why = next(iter(doubtful.values()), "")
         raise RequestError(
             (f"folder '{folder}' has no photo with a position ({len(names)} photos were read)")
             + (f": {next(iter(doubtful))} {why}" if why else ""),
-            "photos end in .jpg or .tif and have GPS in their EXIF or XMP"
+            "photos end in .jpg, .tif or .png and have GPS in their EXIF or XMP"
             if not why
             else "rewrite the metadata, for example with exiftool",
         )
     return places, doubtful
+
+
+def _names(folder: str) -> list[str]:
+    """Paths of the photos in a folder and in the folders inside it, relative to it."""
+
+    def refuse(error: OSError) -> None:
+        if error.filename == folder:
+            raise RequestError(
+                f"folder '{folder}': {(error.strerror or str(error)).lower()}"
+            ) from None
+
+    found = []
+    for place, folders, files in os.walk(folder, onerror=refuse):
+        folders[:] = [name for name in folders if name[0] != "."]
+        found += [
+            os.path.relpath(os.path.join(place, name), folder)
+            for name in files
+            if name.lower().endswith(SUFFIXES)
+            and name[0] != "."
+            and os.path.isfile(os.path.join(place, name))
+        ]
+    return sorted(found)
+
+
+def copies_of(folder: str, places: Mapping[str, Place | None]) -> dict[str, str]:
+    """Photos with the same content as a photo with a shorter or earlier name, with this name."""
+    alike: dict[tuple[Place, int], list[str]] = {}
+    for name, place in places.items():
+        if place is not None:
+            size = os.path.getsize(os.path.join(folder, name))
+            alike.setdefault((place, size), []).append(name)
+    found = {}
+    for group in alike.values():
+        names = sorted(group, key=lambda name: (len(name), name))
+        for index, name in enumerate(names):
+            one, other = (os.path.join(folder, each) for each in (name, names[0]))
+            if index and filecmp.cmp(one, other, shallow=False):
+                found[name] = names[0]
+    return found
 
 
 class DoubtfulError(Exception):

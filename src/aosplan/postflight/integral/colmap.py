@@ -30,6 +30,7 @@ MODELS = {
     "SIMPLE_RADIAL": "f cx cy k1",
     "RADIAL": "f cx cy k1 k2",
     "OPENCV": "fx fy cx cy k1 k2 p1 p2",
+    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
 }
 """Supported camera models by name, with their parameters."""
 
@@ -112,6 +113,8 @@ def _cameras(path: str) -> dict[str, Intrinsics]:
 def _intrinsics(model: str, width: int, height: int, values: list[float], place: str) -> Intrinsics:
     """A camera from the parameters of its model, in their order."""
     named = dict(zip(MODELS[model].split(), values, strict=True))
+    if any(named.pop(name, 0.0) for name in ("k4", "k5", "k6")):
+        raise RequestError(f"{place}: {model} with k4, k5 or k6 is not supported", UNDISTORT)
     focal = named.pop("f", None)
     ordered = [focal, focal] if focal is not None else [named.pop("fx"), named.pop("fy")]
     return checked_intrinsics(width, height, [*ordered, *named.values()], place)

@@ -49,9 +49,8 @@ class Plane(NamedTuple):
     @property
     def frame(self) -> NDArray[np.float64]:
         """Directions in the world, as rows: the axes x and y of the plane, and upwards."""
-        up = np.array(UPS[self.up])
-        x = np.array([1.0, 0.0, 0.0])
-        return np.stack([x, np.cross(up, x), up])
+        up = UPS[self.up]
+        return np.array([(1.0, 0.0, 0.0), (0.0, up[2], -up[1]), up])  # y is the product of up and x
 
     def camera_m(self, view: View) -> NDArray[np.float64]:
         """x and y of a camera, and its vertical distance above the plane [m]."""

@@ -31,6 +31,9 @@ PIXELS_A_BYTE = 100
 per byte.
 """
 
+REDUCIBLE = (".jpg", ".jpeg")
+"""Extensions of images that can be decoded at a fraction of their size."""
+
 BANDS = {
     # For each of Pillow's modes: the mode to which it is converted.
     "1": "L", "L": "L", "LA": "LA", "La": "LA",
@@ -44,7 +47,7 @@ BANDS = {
 ROWS_AT_ONCE = 256
 """Number of rows that are converted to 8 bits at once."""
 
-BITS_PER_SAMPLE, SAMPLE_FORMAT = 258, 339
+BITS_PER_SAMPLE, SAMPLE_FORMAT, GDAL_NODATA = 258, 339, 42113
 """TIFF tags.  The sample format is 1 for unsigned integers, 2 for signed integers, and 3 for
 floats.
 """
@@ -56,8 +59,8 @@ class Picture(NamedTuple):
     Parameters
     ----------
     pixels
-        Shape (rows, columns, bands): one band of grey values, or red, green and blue; uint8 or
-        float32.
+        Shape (rows, columns, bands): one band of grey values, or red, green and blue; uint8, uint16
+        or float32.
     weight
         Shape (rows, columns): alpha between 0 and 1 as float32, if the image has it.
     is_byte
@@ -66,7 +69,7 @@ class Picture(NamedTuple):
         Side of the blocks of pixels of the file whose means the pixels are.
     """
 
-    pixels: NDArray[np.uint8] | NDArray[np.float32]
+    pixels: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
     weight: NDArray[np.float32] | None
     is_byte: bool
     block_px: int = 1
@@ -201,12 +204,27 @@ def read_picture(path: str, block_px: int = 1) -> Picture:
         try:
             deep = _deep(image, path)
             picture = _picture(image, mode) if deep is None else _deep_picture(deep)
+            picture = _without(picture, getattr(image, "tag_v2", {}).get(GDAL_NODATA))
         except (OSError, SyntaxError, ValueError, IndexError, EOFError) as error:
-            raise RequestError(f"image '{path}' is damaged: {error}") from None
+            raise RequestError(
+                f"image '{path}' is damaged: {error}",
+                "copy it again, or move it to another folder",
+            ) from None
     if block_px == 1:
         return picture
     whole = picture.pixels[: height // block_px, : width // block_px]
     return picture._replace(pixels=whole, block_px=block_px)
+
+
+def _without(picture: Picture, nodata: Any) -> Picture:
+    """A picture whose values for missing data, as text in the tag of GDAL, are nan."""
+    try:
+        missing = float(str(nodata).strip("\0 "))
+    except ValueError:
+        return picture
+    pixels = picture.pixels.astype(np.float32)
+    pixels[picture.pixels == missing] = np.nan
+    return picture._replace(pixels=pixels, is_byte=False)
 
 
 def _deep(image: Image, path: str) -> NDArray[np.generic] | None:
@@ -253,10 +271,12 @@ def _deep_picture(pixels: NDArray[np.generic]) -> Picture:
     """The picture of an array of shape (rows, columns) or (rows, columns, bands); a 2nd or 4th is
     alpha.
     """
-    bands = np.atleast_3d(pixels).astype(np.float32)
+    if pixels.dtype != np.uint16:
+        pixels = pixels.astype(np.float32)
+    bands: NDArray[Any] = np.atleast_3d(pixels)
     if bands.shape[2] not in (2, 4):
         return Picture(bands, None, is_byte=False)
-    return Picture(bands[..., :-1], bands[..., -1] / np.float32(65535.0), is_byte=False)
+    return Picture(bands[..., :-1], (bands[..., -1] / 65535.0).astype(np.float32), is_byte=False)
 
 
 def _picture(image: Image, mode: str) -> Picture:

@@ -16,7 +16,7 @@ import numpy as np
 
 from aosplan.errors import RequestError, needs_extra
 from aosplan.postflight.integral.focal_plane import heights_above
-from aosplan.postflight.integral.images import Picture, image_size, read_picture
+from aosplan.postflight.integral.images import REDUCIBLE, Picture, image_size, read_picture
 from aosplan.postflight.integral.warping import Relief, block_of, warped
 
 if TYPE_CHECKING:
@@ -109,8 +109,11 @@ def integrate(
     done = blind = 0
     is_byte = True
     for source in sources:
-        ray = plane.to_camera(source.view) @ raster.to_plane
-        picture = read_source(source, bands, block_of(source.intrinsics, ray, raster))
+        block_px = 1
+        if source.path.lower().endswith(REDUCIBLE):
+            ray = plane.to_camera(source.view) @ raster.to_plane
+            block_px = block_of(source.intrinsics, ray, raster)
+        picture = read_source(source, bands, block_px)
         bands = picture.pixels.shape[2]
         if adjust is not None:
             picture = adjust(source, picture)
@@ -182,7 +185,7 @@ def add_view(
     pixels, weight = picture.pixels, picture.weight
     if weight is not None:
         pixels = np.dstack([pixels * weight[..., np.newaxis], weight])
-    has_holes = pixels.dtype != np.uint8 and not np.isfinite(pixels).all()
+    has_holes = pixels.dtype.kind == "f" and not np.isfinite(pixels).all()
     seen = False
     lens = source.intrinsics.in_blocks(picture.block_px)
     for tile, values, inside in warped(pixels, lens, ray, raster, relief):

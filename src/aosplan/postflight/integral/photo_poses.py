@@ -18,12 +18,12 @@ from aosplan.geodesy import to_local
 from aosplan.messages import Message
 from aosplan.postflight.integral.camera_pose import Intrinsics, View
 from aosplan.postflight.integral.georeference import Georeference
-from aosplan.postflight.photo_metadata import BANDS, PhotoMetadata, read_metadata
-from aosplan.postflight.photo_positions import photo_places
+from aosplan.postflight.integral.photo_choice import chosen_photos, named, pixels_of
+from aosplan.postflight.photo_metadata import BANDS, PhotoMetadata
 from aosplan.units import number, positive
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -31,9 +31,6 @@ if TYPE_CHECKING:
 
 FARTHEST_M = 20_000.0
 """Greatest distance between photos of one recording."""
-
-LEVEL_DEG = -30.0
-"""Pitch above which a camera shows the horizon instead of the ground."""
 
 PLAN = "plan.json"
 """Name of the file of a plan in the folder of photos."""
@@ -101,13 +98,8 @@ def read_photo_poses(
         of several bands and no band is chosen.
     """
     plan, messages = _plan_of(folder, options)
-    places, doubtful = photo_places(folder)
-    placed = {name: place for name, place in places.items() if place is not None}
-    tags = {name: read_metadata(os.path.join(folder, name)) for name in placed}
-    known = {name: found for name, found in tags.items() if found is not None}
-    known = _of_band(known, options.band, folder)
-    known, tilted = _looking_down(known, folder)
-    messages += [*_left_out(places, doubtful, tilted), *_turned(known)]
+    placed, known, said = chosen_photos(folder, options.band)
+    messages += said
     names = list(known)
     if options.altitude_m is not None:
         plan = plan._replace(altitude_m=options.altitude_m)
@@ -133,11 +125,11 @@ def read_photo_poses(
     messages += said
     views = []
     for index, name in enumerate(names):
-        if _pixels_of(folder, name) != name and _pixels_of(folder, name) in known:
+        if pixels_of(folder, name) != name and pixels_of(folder, name) in known:
             continue  # The TIFF of this photo is a separate view.
         position = np.array([east[index], north[index], heights[index]])
         rotation = turned[index]
-        views.append(View(_pixels_of(folder, name), rotation, -rotation @ position, lenses[index]))
+        views.append(View(pixels_of(folder, name), rotation, -rotation @ position, lenses[index]))
     is_rtk = all(found.is_rtk for found in known.values())
     return PosedViews(
         views,
@@ -174,113 +166,6 @@ def _plan_of(folder: str, options: PhotoOptions) -> tuple[_Plan, list[Message]]:
         place,
         camera if isinstance(camera, str) else None,
     ), said
-
-
-def _of_band(
-    tags: Mapping[str, PhotoMetadata], band: str | None, folder: str
-) -> dict[str, PhotoMetadata]:
-    """Photos of one of the drone's cameras."""
-    kinds = {name: found.band for name, found in tags.items() if found.band != "screen"}
-    if "thermal" in kinds.values():
-        # If there are thermal photos, photos without the name of a camera are from the visible
-        # camera.
-        kinds = {name: kind or "visible" for name, kind in kinds.items()}
-    there = sorted({kind for kind in kinds.values() if kind is not None})
-    if band is None:
-        if len(there) > 1:
-            counted = ", ".join(
-                f"{sum(kind == each for kind in kinds.values())} {each}" for each in there
-            )
-            visible = [each for each in there if each != "thermal"]
-            remedies = ["thermal"] * ("thermal" in there) + (
-                ["visible"] if len(visible) == 1 else visible
-            )
-            raise RequestError(
-                f"folder '{folder}' contains photos of several cameras: {counted}",
-                " or ".join(f"--band {each}" for each in remedies),
-            )
-        return {name: tags[name] for name in kinds}
-    wanted = {"visible", "wide", "zoom", None} if band == "visible" else {band}
-    chosen = {name: tags[name] for name, kind in kinds.items() if kind in wanted}
-    if not chosen:
-        raise RequestError(
-            f"--band {band}: folder '{folder}' contains no such photo",
-            f"it holds {', '.join(there)}" if there else "its photos do not name their camera",
-        )
-    kinds = {name: tags[name].band for name in chosen}
-    if band == "visible" and {"wide", "zoom"} <= set(kinds.values()):
-        raise RequestError(
-            f"folder '{folder}' contains photos of a wide and of a zoom camera",
-            "--band wide or --band zoom",
-        )
-    return chosen
-
-
-def _looking_down(
-    tags: Mapping[str, PhotoMetadata], folder: str
-) -> tuple[dict[str, PhotoMetadata], list[str]]:
-    tilted = [
-        name
-        for name, found in tags.items()
-        if found.pitch_deg is not None and found.pitch_deg > LEVEL_DEG
-    ]
-    left = {name: found for name, found in tags.items() if name not in set(tilted)}
-    if not left:
-        raise RequestError(
-            f"folder '{folder}' has no photo that looks down"
-            + (
-                f": {tilted[0]} has a pitch of {tags[tilted[0]].pitch_deg:g} degrees"
-                if tilted
-                else ""
-            ),
-            "the gimbal's pitch is -90 degrees for a photo straight down",
-        )
-    return left, tilted
-
-
-def _named(names: Iterable[str]) -> str:
-    listed = ["".join(c if c.isprintable() else "?" for c in name) for name in names]
-    return ", ".join(listed[:3]) + " ..." * (len(listed) > 3)
-
-
-def _left_out(
-    places: Mapping[str, Place | None], doubtful: Mapping[str, str], tilted: Sequence[str]
-) -> list[Message]:
-    silent = [name for name, place in places.items() if place is None]
-    found = []
-    if silent:
-        why = f" ({silent[0]} {doubtful[silent[0]]})" if silent[0] in doubtful else ""
-        found.append(
-            Message(
-                "photos_without_position",
-                f"{len(silent)} photos without a position are left out: {_named(silent)}{why}",
-            )
-        )
-    if tilted:
-        found.append(
-            Message(
-                "level_photos",
-                f"{len(tilted)} photos that look at the horizon are left out: {_named(tilted)}",
-            )
-        )
-    return found
-
-
-def _turned(tags: Mapping[str, PhotoMetadata]) -> list[Message]:
-    """Warning about photos that image viewers rotate.  Their pixels are used in the order in which
-    they are stored.
-    """
-    turned = [name for name, found in tags.items() if found.orientation != 1]
-    if not turned:
-        return []
-    return [
-        Message(
-            "orientation",
-            f"{len(turned)} photos have an EXIF orientation other than 1 and are not turned: their "
-            "yaw, pitch and roll are taken as those of the sensor, whose pixels the files contain: "
-            + _named(turned),
-        )
-    ]
 
 
 def _middle(places: Sequence[Place]) -> tuple[float, float]:
@@ -365,7 +250,7 @@ def _rotations(
             Message(
                 "pitch",
                 f"{len(level)} photos have no pitch and are assumed to look straight down: "
-                + _named(level),
+                + named(level),
             )
         )
     if turned:
@@ -373,7 +258,7 @@ def _rotations(
             Message(
                 "yaw",
                 f"{len(turned)} photos have no yaw; {plan.heading_deg:g} degrees is "
-                f"assumed for them: {_named(turned)}",
+                f"assumed for them: {named(turned)}",
             )
         )
     return found, messages
@@ -456,18 +341,6 @@ def _lenses(
             f"used: {plan.camera}",
         )
     ]
-
-
-def _pixels_of(folder: str, name: str) -> str:
-    """Name of the file with the pixels of a photo: the radiometric TIFF that belongs to a JPEG, or
-    the photo itself.
-    """
-    stem, ending = os.path.splitext(name)
-    if ending.lower() in (".jpg", ".jpeg"):
-        for other in (".tif", ".tiff", ".TIF", ".TIFF"):
-            if os.path.isfile(os.path.join(folder, stem + other)):
-                return stem + other
-    return name
 
 
 def check_band(text: str | None) -> str | None:

@@ -101,7 +101,7 @@ def warped(
     reached = _reached(ray, intrinsics, raster) if relief is None else _whole(raster)
     if reached is None:
         return
-    block = block_of(intrinsics, ray, raster)
+    block = _block(intrinsics, ray, reached)
     for tile in _tiles(reached):
         corners = np.array(
             [[tile.left, tile.right, tile.right, tile.left],
@@ -157,8 +157,10 @@ def block_of(intrinsics: Intrinsics, ray: Floats, raster: Raster) -> int:
     those of `warped`.
     """
     window = _reached(ray, intrinsics, raster)
-    if window is None:
-        return 1
+    return 1 if window is None else _block(intrinsics, ray, window)
+
+
+def _block(intrinsics: Intrinsics, ray: Floats, window: RasterWindow) -> int:
     middle = np.array([0.5 * (window.left + window.right), 0.5 * (window.top + window.bottom), 1.0])
     x, y, depth = ray @ middle
     if not depth > 0.0:
