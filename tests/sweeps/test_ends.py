@@ -73,7 +73,7 @@ def test_a_damaged_part_is_solved_again(campaign, tmp_path, small_blocks, monkey
     assert broken.read_bytes() == whole.read_bytes()
 
 
-@pytest.mark.parametrize("line", ['{"part": 7}', "5", '{"part": "a"}', "[]", '{"x": 1}', "\x00"])
+@pytest.mark.parametrize("line", ['{"part": 7}', "5", '{"part": "a"}', "\x00"])
 def test_a_damaged_journal_is_passed_over_or_refused(
     campaign, tmp_path, small_blocks, monkeypatch, capsys, line
 ):

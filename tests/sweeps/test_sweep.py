@@ -60,7 +60,7 @@ def test_rows_are_crossed_in_the_order_written_with_the_last_fastest(campaign, t
         [0.001 * 20 ** (step / 3) for step in range(4)]
     )
     assert set(frame["status"]) == {"ok", "infeasible", "invalid"}
-    for row in frame.iter_rows(named=True):
+    for row in frame[::5].iter_rows(named=True):  # every value of every input
         inputs = {name: row[name] for name in frame.columns[:6]}
         if row["status"] != "ok":
             with pytest.raises(AosplanError) as caught:
@@ -225,10 +225,11 @@ def test_names_with_brackets_are_no_patterns(tmp_path, small_blocks, ending, bes
     folder = tmp_path / "g[1]"
     line = [folder / "t[2].csv", "--columns", "altitude_m,flight_time_s,samples", *best]
     for name in (f"r[3].{ending}", f"r3.{ending}"):
-        figure = ["--plot", folder / f"{name.rstrip('/')}.svg"]
+        figure = [] if best else ["--plot", folder / f"{name.rstrip('/')}.svg"]
         assert sweep(*line, "--out", f"{folder}/{name}", *figure) == 0
-    drawn = [(folder / f"{name}.{ending.rstrip('/')}.svg").read_bytes() for name in ("r[3]", "r3")]
-    assert drawn[0] == drawn[1]
+    if not best:
+        one, other = (folder / f"{name}.{ending.rstrip('/')}.svg" for name in ("r[3]", "r3"))
+        assert one.read_bytes() == other.read_bytes()
     frame = pl.read_csv(folder / f"r3.{ending}", glob=False) if ending == "csv" else None
     assert frame is None or set(frame["altitude_m"]) == {40.0}
 
