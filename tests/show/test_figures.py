@@ -170,7 +170,7 @@ def test_a_description_has_the_figures_numbers(kind):
 def test_the_description_of_a_plan_says_what_bound_it():
     text = shown("visibility").description()
     assert "50 samples 2.8 m apart" in text
-    assert "neighbouring samples share no occluder" in text
+    assert "neighbouring photos already share no occluder" in text
 
 
 @pytest.mark.parametrize("kind", KINDS)
