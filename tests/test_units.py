@@ -75,7 +75,7 @@ def test_a_number_is_a_float_whatever_it_was_written_as(value):
 def test_what_is_not_a_number_is_refused(text):
     error = refusal(q.number, text, "--altitude", "m")
     assert error.message == f"--altitude '{text.strip()}' is not a finite number"
-    assert error.hint == "a number of metres"
+    assert error.hint == "give a number of metres"
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_other_units_of_the_same_quantity_are_converted(text, unit, value):
 
 @pytest.mark.parametrize("text", ["30ft", "30 mph", "30s"])
 def test_a_length_given_as_another_quantity_gets_no_wrong_conversion(text):
-    assert refusal(q.number, text, "--heading", "deg").hint == "a number of degrees"
+    assert refusal(q.number, text, "--heading", "deg").hint == "give a number of degrees"
 
 
 @pytest.mark.parametrize("value", ["nan", "NaN", "inf", "-inf", "Infinity", "1e400", "nanm"])
@@ -229,7 +229,7 @@ def test_word_refuses_what_names_nothing(value):
 
 def test_word_refuses_zero_bytes_and_shows_them_escaped():
     error = refusal(q.word, "a\0b", "--scene")
-    assert error.message == "--scene 'a\\x00b' holds a zero byte"
+    assert error.message == "--scene 'a\\x00b' contains a zero byte"
 
 
 @pytest.mark.parametrize(
@@ -267,8 +267,8 @@ def test_angles_may_be_as_small_as_rounding_leaves_them(tiny):
 
 def test_swapped_coordinates_are_recognised_and_the_hint_works():
     error = refusal(q.latitude_longitude, "151.21,-33.86", "--origin")
-    assert error.hint == "latitude comes first: -33.86,151.21"
-    swapped = error.hint.removeprefix("latitude comes first: ")
+    assert error.hint == "give the latitude first: -33.86,151.21"
+    swapped = error.hint.removeprefix("give the latitude first: ")
     assert q.latitude_longitude(swapped, "--origin") == (-33.86, 151.21)
 
 

@@ -17,8 +17,8 @@ UNITS = {
     "DEG": "degrees",
     "S": "seconds",
     "MIN": "minutes",
-    "M/S": "metres a second",
-    "M/S²": "metres a second squared",
+    "M/S": "metres per second",
+    "M/S²": "metres per second squared",
 }
 """Unit of a value, by its placeholder in the help."""
 

@@ -44,7 +44,9 @@ def photos_of(plan, stand):
     sites = np.array([(place["east_m"], place["north_m"]) for place in plan["waypoints"]])
     steps = np.rint(sites / PIXEL_M).astype(int)
     if 2 * abs(steps).max() > GROUND_PX - PHOTO_PX:
-        sys.exit("error: sites too far out: photos would reach beyond the stand")
+        sys.exit(
+            "error: the sites are too far from the middle, so photos would reach beyond the stand"
+        )
     masks = seen.unpack(seen.masks(steps * PIXEL_M))
     for hidden, step in zip(masks, steps, strict=True):
         shown = np.where(hidden[..., None], LEAVES, ground[..., None])

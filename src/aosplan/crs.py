@@ -51,7 +51,7 @@ MOST_SKEW_DEG = 1.0
 larger, lengths cannot be corrected by a scale along each axis.
 """
 
-ASK = "give --units, such as m, ft or us-ft, or us-ft,m for x and y in feet and z in metres"
+ASK = "give --units m, ft or us-ft, or two units such as us-ft,m (x and y in feet, z in metres)"
 """Hint for a scene file that does not state its units."""
 
 
@@ -133,9 +133,9 @@ def units_of(crs: CRS, what: str) -> Units:
     """
     if crs.is_geographic or crs.is_geocentric:
         raise RequestError(
-            f"the coordinates of {what} are not metres on a plane: its coordinate reference system "
-            "is geographic or geocentric",
-            "reproject it to a metric system such as UTM",
+            f"the coordinates of {what} are not distances on a plane, because its coordinate "
+            "reference system is geographic or geocentric",
+            "reproject it to a projected system in metres, such as UTM",
         )
     across = [axis for axis in crs.axis_info if axis.direction not in ("up", "down")]
     if any(axis.direction in ("west", "south") for axis in across):
@@ -166,7 +166,7 @@ def crs_of_wkt(text: str, what: str) -> CRS:
     except CRSError:
         raise RequestError(
             f"the coordinate reference system of {what} cannot be read",
-            "write a valid one: gdal_edit.py -a_srs EPSG:CODE FILE",
+            "write a valid system with gdal_edit.py -a_srs EPSG:CODE FILE",
         ) from None
 
 
@@ -193,7 +193,7 @@ def height_unit_m(band: str | None, stated: Units, what: str, hint: str) -> floa
     named_m = unit_m(band) if band and band.strip() else None
     if band and band.strip() and named_m is None:
         raise RequestError(
-            f"{what} has heights in {shown(band.strip()[:40])}, an unknown unit", hint
+            f"{what} has heights in {shown(band.strip()[:40])}, which is not a known unit", hint
         )
     if named_m and stated.up_m and not are_same(named_m, stated.up_m):
         raise RequestError(
@@ -205,8 +205,8 @@ def height_unit_m(band: str | None, stated: Units, what: str, hint: str) -> floa
         return named_m or stated.up_m or 1.0
     if stated.across_m and not are_same(stated.across_m, 1.0):
         raise RequestError(
-            f"{what} does not state the unit of its heights, and its x and y are in "
-            f"{unit_text(stated.across_m)}",
+            f"{what} does not state the unit of its heights, and its x and y are not in "
+            f"metres but in {unit_text(stated.across_m)}",
             hint,
         )
     return 1.0

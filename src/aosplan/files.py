@@ -141,12 +141,14 @@ def parse_table(content: bytes, path: str, *, with_nan: bool = False) -> dict[st
         kind = "JSON" if as_json else "TOML"
         hint = ""
         if not as_json and _WINDOWS_PATH.search(text):
-            hint = "write backslashes of paths within single quotes: 'C:\\Users\\stand.laz'"
+            hint = (
+                "if a path contains backslashes, write it in single quotes: 'C:\\Users\\stand.laz'"
+            )
         raise RequestError(f"'{path}' is not valid {kind}: {error}", hint) from None
     except RecursionError:
-        raise RequestError(f"'{path}' is nested too deeply") from None
+        raise RequestError(f"'{path}' is nested too deeply to be read") from None
     if not isinstance(table, dict):
-        raise RequestError(f"'{path}' holds no table of named values")
+        raise RequestError(f"'{path}' contains no table of named values")
     return table
 
 
@@ -342,11 +344,13 @@ def check_output(path: str, *, force: bool) -> None:
         raise RequestError(f"output {path!r} has a zero byte in its name")
     folder = os.path.dirname(path) or "."
     if os.path.isdir(path):
-        raise RequestError(f"output '{path}' is a folder", "give the name of a file in it")
+        raise RequestError(f"output '{path}' is a folder", "give the name of a file in this folder")
     if not os.path.isdir(folder):
-        raise RequestError(f"output '{path}': there is no folder '{folder}'", "create it first")
+        raise RequestError(
+            f"output '{path}': there is no folder '{folder}'", "create this folder first"
+        )
     if os.path.exists(path) and not os.path.isfile(path):
-        raise RequestError(f"output '{path}' is not a regular file", "- writes to stdout")
+        raise RequestError(f"output '{path}' is not a regular file", "to write to stdout, give -")
     if os.path.lexists(path) and not force:
         raise RequestError(f"output '{path}' exists", "give --force to overwrite it")
 

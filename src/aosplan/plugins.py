@@ -48,7 +48,7 @@ def added_preset(kind: str, name: str, presets: Mapping[str, Preset]) -> Preset:
     raise RequestError(
         f"unknown {kind} '{name}'",
         preset_hint(name, {each: preset.title for each, preset in presets.items()})
-        or f"aosplan {kind}s lists them; a file name ends in .toml",
+        or f"aosplan {kind}s lists the presets; the name of a file ends in .toml",
     )
 
 
@@ -80,6 +80,6 @@ def _loaded(group: str, *names: str) -> list[tuple[str, Any]]:
         except Exception as error:  # noqa: BLE001 (whatever the code of others raises)
             raise RequestError(
                 f"'{entry.name}' of {group} ({entry.value}) cannot be loaded: {error}",
-                "its distribution is broken: reinstall it, or remove it",
+                "its distribution is broken; reinstall or remove it",
             ) from None
     return values

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 FOOT_M = 0.3048
 
-_OWN_UNITS = {"m": "metres", "deg": "degrees", "s": "seconds", "m/s": "metres a second"}
+_OWN_UNITS = {"m": "metres", "deg": "degrees", "s": "seconds", "m/s": "metres per second"}
 _FOREIGN = {
     "ft": (FOOT_M, "m"),
     "feet": (FOOT_M, "m"),
@@ -154,7 +154,7 @@ def word(value: Any, name: str) -> str:
     if not isinstance(value, str) or not value.strip():
         raise RequestError(f"{name} {shown(value)} is not a name")
     if "\0" in value:
-        raise RequestError(f"{name} {shown(value)} holds a zero byte")
+        raise RequestError(f"{name} {shown(value)} contains a zero byte")
     return value
 
 
@@ -180,7 +180,7 @@ def latitude_longitude(value: Any, name: str) -> tuple[float, float]:
         swapped = abs(latitude) <= 180.0 and abs(longitude) <= 90.0
         raise RequestError(
             f"{name} {shown(value)}: latitude {latitude:g} is not between -90 and 90",
-            f"latitude comes first: {parts[1]},{parts[0]}" if swapped else "",
+            f"give the latitude first: {parts[1]},{parts[0]}" if swapped else "",
         )
     if abs(longitude) > 180.0:
         raise RequestError(
@@ -245,7 +245,7 @@ def _from_text(text: str, name: str, unit: str) -> float:
 
 
 def _unit_hint(unit: str) -> str:
-    return f"a number of {_OWN_UNITS[unit]}" if unit in _OWN_UNITS else ""
+    return f"give a number of {_OWN_UNITS[unit]}" if unit in _OWN_UNITS else ""
 
 
 def exact_share(value: float | str | Decimal | Fraction, name: str) -> Fraction:
@@ -267,7 +267,7 @@ def exact_share(value: float | str | Decimal | Fraction, name: str) -> Fraction:
     if exact is None:
         raise RequestError(
             f"{name} {shown(value if text is None else text)} is not a number",
-            "write a share such as 0.98, or 98%",
+            "give a share such as 0.98 or 98%",
         )
     return exact
 

@@ -66,7 +66,7 @@ def checked(model: type[Checked], table: Mapping[str, Any], path: str) -> Checke
         message = first["msg"][:1].lower() + first["msg"][1:]
         raise RequestError(f"'{path}': {place}: {message}", hint) from None
     except RecursionError:
-        raise RequestError(f"'{path}' is nested too deeply") from None
+        raise RequestError(f"'{path}' is nested too deeply to be read") from None
 
 
 def _names_at(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:

@@ -130,9 +130,9 @@ class Silent:
 def test_a_projection_of_the_same_datum_is_exact_in_each_version_of_proj(monkeypatch):
     monkeypatch.setattr(transformer, "TransformerGroup", Silent)
     for same in ("EPSG:32633", "EPSG:3857"):
-        assert reprojection(same, "a.kml").notice.message.endswith("which is exact to 0 m")
+        assert reprojection(same, "a.kml").notice.message.endswith("with an error of at most 0 m")
     for other in ("EPSG:25833", "+proj=utm +zone=33 +ellps=GRS80"):
-        with pytest.raises(RequestError, match="the difference is not known"):
+        with pytest.raises(RequestError, match="to WGS 84 is not known"):
             reprojection(other, "a.kml")
 
 

@@ -69,7 +69,7 @@ def test_other_shapes_are_named_and_left_out(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (features([]), "holds no point"),
+        (features([]), "contains no point"),
         (features([(14.3, "48")]), "geometry.coordinates: "),
         (features([(480, 14)]), "is not a longitude and a latitude"),
         (features([()]), "is not a longitude and a latitude"),

@@ -153,7 +153,7 @@ WRONG = {
     "text": ("lat,lon\n1,2\n", "is neither GeoJSON, KML nor KMZ"),
     "a shapefile": (b"\x00\x00\x27\x0a" + bytes(96), "is a vector file, but does not have the extension of one"),
     "broken JSON": ('{"type": "Polygon"', "is not valid JSON"),
-    "a list": ("[]", "holds no table"),
+    "a list": ("[]", "contains no table"),
     "not GeoJSON": ({"a": 1}, "has type 'None'"),
     "an unknown type": ({"type": "Circle"}, "has type 'Circle'"),
     "a type that is a list": ({"type": ["Polygon"]}, "which is not a type of GeoJSON"),
@@ -185,8 +185,8 @@ WRONG = {
         POLYGON | {"crs": {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::3857"}}},
         "is not WGS 84",
     ),
-    "nested too deep": ("[" * 100 + "]" * 100, "nested too deeply"),
-    "nested far too deep": ('{"a":' + "[" * 10**5 + "]" * 10**5 + "}", "nested too deeply"),
+    "nested too deep": ("[" * 100 + "]" * 100, "nested too deeply to be read"),
+    "nested far too deep": ('{"a":' + "[" * 10**5 + "]" * 10**5 + "}", "nested too deeply to be read"),
     "broken XML": ("<kml><Document></kml>", "is not valid XML"),
     "other XML": ("<html><body/></html>", "is XML, but not KML: it begins with <html>"),
     "KML without a polygon": (kml(), "contains no polygon"),
@@ -206,7 +206,7 @@ WRONG = {
     "KML with two shells": (kml(boundary(SQUARE) * 2), "polygon 1 has 2 outer boundaries"),
     "an entity bomb": (kml(boundary(SQUARE), head=ENTITY), "has a document type"),
     "an external entity": (kml(boundary(SQUARE), head=EXTERNAL), "has a document type"),
-    "deep KML": ("<kml>" * 500 + "</kml>" * 500, "nested too deeply"),
+    "deep KML": ("<kml>" * 500 + "</kml>" * 500, "nested too deeply to be read"),
     "an archive without KML": (kmz({"a.txt": "x"}), "an archive without a KML document"),
     "a path out of the archive": (
         kmz({"../../doc.kml": kml(boundary(SQUARE))}),
@@ -232,9 +232,9 @@ def test_everything_else_is_one_clear_error(file, name):
 @pytest.mark.parametrize(
     ("position", "hint"),
     [
-        ([48.0, 114.0], "longitude comes first"),
+        ([48.0, 114.0], "give the longitude before the latitude"),
         ([181.5, 48.0], "across the antimeridian, 181.5 is -178.5"),
-        ([5e5, 5.3e6], "degrees are expected, not metres"),
+        ([5e5, 5.3e6], "convert metres to degrees"),
     ],
 )
 def test_the_hint_says_what_the_mistake_may_have_been(file, position, hint):

@@ -212,7 +212,7 @@ def test_errors_name_the_offending_value_and_where_it_stands(command, line, valu
     ("line", "hint"),
     [
         ("plan --altitude 40 --vhat 98", "98%"),
-        ("plan --altitude 131s", "a number of metres"),
+        ("plan --altitude 131s", "give a number of metres"),
         ("plan --altitude 40 --scene paper-forrest", "did you mean paper-forest?"),
         ("plan --altitude 40 --camera dji-m3t-termal", "did you mean dji-m3t-thermal?"),
         ("plan --altitude 40 --model layerd", "did you mean layered?"),
@@ -248,7 +248,7 @@ def test_the_aperture_that_a_hint_names_is_enough(command, line, keep):
 def test_the_samples_that_a_hint_names_are_enough(command):
     line = "plan --altitude 40 --max-aperture 5 --max-samples 20"
     _, _, err = command(*shlex.split(line))
-    allowed = re.search(r"allow (\d+) samples", err.splitlines()[1])
+    allowed = re.search(r"give --max-samples (\d+), or", err.splitlines()[1])
     if allowed:
         line = f"plan --altitude 40 --max-aperture 5 --max-samples {allowed[1]}"
         status, _, err = command(*shlex.split(line))

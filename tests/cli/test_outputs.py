@@ -50,7 +50,7 @@ def test_warnings_stay_out_of_stdout(command):
     status, out, err = command("plan", "--altitude", "40", "--grid", "line", WIDE, "--out", "csv:-")
     assert status == 0
     assert out.count("\n") == 51
-    assert err.startswith("warning: no ground is seen by all samples")
+    assert err.startswith("warning: no ground is in all photos")
 
 
 def test_an_existing_output_stays_unless_forced(folder, command):

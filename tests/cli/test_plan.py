@@ -227,7 +227,7 @@ def test_the_best_grid_is_named_with_its_reason(plan_of):
     assert result["request"]["grid"] == "best"
     reason = result["limits"][-1]
     assert reason["quantity"] == "choice"
-    assert "is the best by flight time" in reason["message"]
+    assert "has the best flight time" in reason["message"]
 
 
 # Names in the JSON of plan

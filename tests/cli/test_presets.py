@@ -56,4 +56,4 @@ def test_scenes_are_found_by_species_and_kind(document, command, word, names):
 def test_words_that_no_scene_is_about_are_an_error(command):
     status, out, err = command("scenes", "desert")
     assert (status, out) == (2, "")
-    assert "no scene is about 'desert'" in err
+    assert "no built-in scene is of the species or type 'desert'" in err

@@ -79,7 +79,7 @@ def test_the_calculator_shows_no_number_where_nothing_is_hidden(command):
         ("x,y\n0,nan\n", "line 2"),
         ("x;y\n0;1\n", "has no columns"),
         ("", "has no columns"),
-        ("x,y\n", "holds no positions"),
+        ("x,y\n", "contains no positions"),
         ("x,y\n1e308,1e308\n-1e308,0\n", ""),
     ],
 )

@@ -146,7 +146,7 @@ def test_wind_matters_on_the_way_there_and_not_on_the_way_back():
 
 def test_a_site_out_of_reach_says_how_long_it_takes():
     with pytest.raises(
-        InfeasibleError, match=r"at waypoint 49, and back takes 0\.[0-9]+ min"
+        InfeasibleError, match=r"at waypoint 49\) and back takes 0\.[0-9]+ min"
     ) as caught:
         plan(PlanRequest(altitude=40, flight_time=0.2))
     needed = float(caught.value.message.split("takes ")[1].split()[0])

@@ -49,9 +49,11 @@ def test_a_drone_brings_its_camera_and_speeds_and_flags_win(name):
 
 @pytest.mark.parametrize("name", [name for name in DRONES if DRONES[name].camera is None])
 def test_a_drone_without_a_known_camera_asks_for_one(name):
-    with pytest.raises(RequestError, match=f"no camera is known for the drone {name}") as caught:
+    with pytest.raises(
+        RequestError, match=f"the camera of the drone {name} is not known"
+    ) as caught:
         PlanRequest(altitude=40, drone=name)
-    assert "--camera NAME|FILE" in caught.value.hint
+    assert "--camera NAME or FILE" in caught.value.hint
 
 
 def test_every_drone_that_flies_dji_files_is_listed():

@@ -364,7 +364,7 @@ def test_the_table_says_what_heights_are_above(hilly, capsys):
     assert run(line) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert "Terrain 29" in text
-    assert "never below" in text
+    assert "the flight is at least" in text
 
 
 def test_terrain_is_looked_for_beside_the_request(folder, hilly, capsys):

@@ -313,9 +313,9 @@ def test_a_format_is_chosen_by_name_or_ending(path, name, chosen, rest):
         ("kml2:plan.xyz", None, "no format has the extension '.xyz'"),
         ("-", None, "output '-' (stdout) has no extension"),
         ("plan.csv", "cvs", "unknown format 'cvs'"),
-        ("", None, "output '' is not a file name"),
-        ("csv:", None, "output '' is not a file name"),
-        ("", "csv", "output '' is not a file name"),
+        ("", None, "the name of an output file is empty"),
+        ("csv:", None, "the name of an output file is empty"),
+        ("", "csv", "the name of an output file is empty"),
     ],
 )
 def test_an_unknown_format_is_refused(path, name, words):
@@ -327,7 +327,7 @@ def test_an_unknown_format_is_refused(path, name, words):
 def test_a_page_is_a_report():
     with pytest.raises(RequestError) as caught:
         choose_format("plan.html")
-    assert caught.value.hint == "for a page about the plan, give --report plan.html"
+    assert caught.value.hint == "to write a page about the plan, give --report plan.html"
 
 
 def test_an_unknown_ending_lists_the_known_ones():

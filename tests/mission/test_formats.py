@@ -267,8 +267,8 @@ def test_split_files_are_written_with_a_hint(tmp_path, capsys):
     assert hints[1:] == [
         f"hint: {formats()['waypoints'].title} needs 2 files here: "
         f"{tmp_path / 'grid-1.waypoints'} to {tmp_path / 'grid-2.waypoints'}",
-        "hint: one flight needs several of these files: the drone returns home after each, which "
-        "the planned time does not include",
+        "hint: one flight needs several of these files; the drone returns home after each "
+        "file, and the planned time does not include these returns",
     ]
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "grid-1.waypoints",

@@ -83,7 +83,9 @@ def test_a_drone_that_takes_fewer_waypoints_rules():
 
 
 def test_several_files_do_not_fit_into_stdout():
-    with pytest.raises(RequestError, match="needs 2 Litchi CSV files, but stdout takes only one"):
+    with pytest.raises(
+        RequestError, match="needs 2 Litchi CSV files, but only one file can be written to stdout"
+    ):
         mission_files([grid(100)], formats()["litchi"], "-")
 
 
@@ -93,7 +95,7 @@ def test_several_files_do_not_fit_into_stdout():
         ("kmz", {"samples": 1}, "needs 2 waypoints or more, and the mission has 1"),
         ("litchi", {"samples": 1}, "needs 2 waypoints or more"),
         ("kmz", {"baseline_m": 0.4}, "waypoints 1 and 2 are 0.4 m apart"),
-        ("kmz", {"baseline_m": 2001.0}, "legs of 0.5 to 2000 m"),
+        ("kmz", {"baseline_m": 2001.0}, "distances of 0.5 to 2000 m"),
         ("litchi", {"baseline_m": 0.49}, "0.49 m apart"),
         ("kmz", {"speed_mps": 15.5}, "speed 15.5 m/s: DJI WPML takes 0.1 to 15 m/s"),
         ("litchi", {"speed_mps": 16.0}, "speed 16 m/s"),

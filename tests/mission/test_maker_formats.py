@@ -52,7 +52,7 @@ def test_a_drone_that_flies_another_format_is_refused(name):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"trigger": "distance"}, "does not support photos by distance"),
+        ({"trigger": "distance"}, "does not support --trigger distance"),
         ({"altitude_frame": "terrain"}, "not support heights above terrain"),
     ],
 )
@@ -140,7 +140,7 @@ def test_autel_has_its_own_namespace_and_numbers():
 def test_autel_refuses_a_drone_without_a_number():
     flown = flown_in(grid(drone="mine"), "autel")
     other = flown._replace(settings=flown.settings._replace(drone="mine"))
-    with pytest.raises(RequestError, match="no number for the drone 'mine'"):
+    with pytest.raises(RequestError, match="no code for the drone 'mine'"):
         render(other, formats()["autel"])
 
 

@@ -21,19 +21,23 @@ def said(name, *missions):
 @pytest.mark.parametrize("datum", ["ellipsoid", "EGM2008 height"])
 def test_the_height_of_home_is_said_with_its_datum(name, datum):
     found = said(name, grid(ground_m=LEVEL, autopilot="ardupilot", height_datum=datum, **PLACE))
-    assert f"written as 190.0 m, above {datum}, where the file means sea level" in found
+    assert (
+        f"the home position as 190.0 m, above {datum}, although the format expects the height above sea level"
+    ) in found
     assert "RTL_ALT" not in found
 
 
 @pytest.mark.parametrize("name", ["waypoints", "plan"])
 def test_a_height_of_home_that_is_not_known_is_said(name):
-    assert "not known and written as 0" in said(name, grid(autopilot="ardupilot"))
+    assert "not known, so the file contains 0" in said(name, grid(autopilot="ardupilot"))
 
 
 @pytest.mark.parametrize("name", ["kmz", "dji-fly", "autel"])
 def test_the_reference_point_of_the_takeoff_is_said_where_it_is_written(name):
     ellipsoidal = grid(ground_m=SLOPE, height_datum="ellipsoid", **PLACE)
-    assert "above the ellipsoid that the terrain file gives, 190.0 m" in said(name, ellipsoidal)
+    assert "has the height of the terrain file above the ellipsoid, 190.0 m" in said(
+        name, ellipsoidal
+    )
     assert "ellipsoid" not in said(name, grid(ground_m=SLOPE, height_datum="EGM96", **PLACE))
 
 
@@ -63,7 +67,7 @@ def test_the_height_of_an_early_return_is_the_greatest_of_all_flights(name, auto
 
 
 def test_litchi_is_set_to_the_transit_speed():
-    assert "cruising speed in Litchi to 9.5 m/s" in said("litchi", grid(transit_mps=9.5))
+    assert "the cruising speed to 9.5 m/s" in said("litchi", grid(transit_mps=9.5))
 
 
 def test_a_format_that_a_drone_is_not_known_to_fly_is_said(tmp_path, capsys):
@@ -94,7 +98,7 @@ def test_the_drone_and_the_lens_of_a_wpml_route_are_said():
     assert "no drone is given, so the file is for the dji-m3t" in said("kmz", grid())
     own = grid(drone="dji-m3t")._replace(summary={"camera": {"name": "custom"}})
     assert (
-        "the camera custom is not one of dji-m3t: photos are stored by its lens 'visable'"
-        in said("kmz", own)
+        "the camera custom is not one of dji-m3t, so the file stores the photos of the "
+        "drone's lens 'visable'" in said("kmz", own)
     )
     assert not said("kmz", grid(drone="dji-m3t"))

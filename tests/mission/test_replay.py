@@ -142,7 +142,7 @@ def replayed(name, content, ground, result, mission):
     if name in ("kmz", "dji-fly", "autel"):
         return fly_wpml(content, ground, takeoff)
     said = " ".join(notes([mission], formats()[name]))
-    transit = float(re.search(r"cruising speed in Litchi to ([\d.]+) m/s", said)[1])
+    transit = float(re.search(r"the cruising speed to ([\d.]+) m/s", said)[1])
     return fly_litchi(content, ground, takeoff, transit)
 
 
@@ -205,7 +205,7 @@ def check_refusal(name, values, refused):
         or values["trigger"] not in form.triggers
         or (values.get("altitude_frame") == "terrain" and "ground" not in form.altitudes)
         or refused.message == "PX4 does not accept heights above terrain"
-        or re.match("speed .* m/s: |.* has no number for the drone", refused.message)
+        or re.match("speed .* m/s: |.* has no code for the drone", refused.message)
     ), (name, refused.message)
 
 

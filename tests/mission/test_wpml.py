@@ -171,8 +171,8 @@ def test_numbers_of_drones_are_those_that_dji_publishes():
     [
         ("mine", {}, "needs a drone", "--drone"),
         ("mine", {"drone": "dji-m300"}, "the payload of the drone dji-m300", "--payload"),
-        ("mine", {"drone": "dji-m3x"}, "no number for the drone 'dji-m3x'", "dji-m3t"),
-        ("mine", {"drone": "parrot"}, "no number for the drone 'parrot'", "litchi:"),
+        ("mine", {"drone": "dji-m3x"}, "no code for the drone 'dji-m3x'", "dji-m3t"),
+        ("mine", {"drone": "parrot"}, "no code for the drone 'parrot'", "litchi:"),
         ("dji-h20t-thermal", {}, "needs a drone", "dji-m350"),
         ("dji-m3t-thermal", {"drone": "dji-m300"}, "the payload of the drone dji-m300", "dji-h20t"),
         ("dji-m3t-wide", {"payload": "dji-h20t"}, "the drone dji-m3t does not carry", "--drone"),

@@ -47,8 +47,8 @@ def test_the_drone_decides_the_autopilot(drone, autopilot):
             {"drone": "px4-multicopter", "altitude_frame": "terrain", "camera": "sony-a6000-16mm"},
             "PX4",
         ),
-        ({"camera_control": "outputs"}, "without PX4"),
-        ({"autopilot": "ardupilot", "camera_control": "mavlink"}, "without PX4"),
+        ({"camera_control": "outputs"}, "is only for PX4"),
+        ({"autopilot": "ardupilot", "camera_control": "mavlink"}, "is only for PX4"),
         ({"autopilot": "ardupilot", "hold": 0}, "whole seconds"),
         ({"autopilot": "px4", "hold": 0}, "does not stop"),
         ({"drone": "dji-m350", "payload": "dji-h20t", "camera": "dji-p1-35mm"}, "another payload"),
@@ -56,10 +56,10 @@ def test_the_drone_decides_the_autopilot(drone, autopilot):
         ({"drone": "dji-m3t", "payload": "dji-h30t"}, "does not carry dji-h30t"),
         ({"drone": "dji-m300", "payload": "dji-m30t"}, "does not carry dji-m30t"),
         ({"drone": "px4-multicopter", "payload": "dji-h20t"}, "does not carry dji-h20t"),
-        ({"autopilot": "px4", "payload": "dji-h20t"}, "drones of DJI carry it"),
+        ({"autopilot": "px4", "payload": "dji-h20t"}, "only drones of DJI carry this payload"),
         (
             {"drone": "dji-m300", "payload": "dji-h20n"},
-            "no camera is known for the payload dji-h20n",
+            "the camera of the payload dji-h20n is not known",
         ),
     ],
 )

@@ -154,7 +154,7 @@ def test_the_samples_that_are_said_to_reach_a_missed_target_do(grid, baseline):
     result = planned(samples=9, baseline=baseline, grid=grid)
     assert not result.solution.met
     enough = result.solution.samples_required
-    assert f"{enough} samples would reach it" in message(result, "target_missed")
+    assert f"{enough} photos would reach it" in message(result, "target_missed")
     again = planned(samples=enough, baseline=baseline, grid=grid)
     assert again.solution.met
     assert "target_missed" not in codes(again)
@@ -168,7 +168,7 @@ def test_one_sample_fewer_than_required_misses_the_target():
 def test_a_target_that_no_number_of_samples_reaches_is_said_to_be_that():
     result = planned(samples=9, baseline=1e-6)
     assert result.solution.samples_required is None
-    assert "no number of samples reaches it" in message(result, "target_missed")
+    assert "no number of photos reaches it" in message(result, "target_missed")
 
 
 def test_a_target_of_absolute_visibility_is_missed_in_its_own_terms():
@@ -216,7 +216,7 @@ def test_the_clearance_counts_from_the_canopy_even_below_the_focal_plane():
 
 
 def test_a_resolution_that_asks_for_the_canopy_says_where_the_altitude_is_from():
-    with pytest.raises(RequestError, match="solved from the resolution"):
+    with pytest.raises(RequestError, match="computed from the resolution"):
         plan(PlanRequest(gsd=0.02))
 
 

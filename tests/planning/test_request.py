@@ -162,7 +162,7 @@ def test_each_way_of_giving_an_altitude_is_enough(values):
 def test_contradictions_name_both_options(values, flags):
     error = refusal(**values)
     assert all(flag in error.message for flag in flags)
-    assert error.hint == "keep one of them"
+    assert error.hint == "give only one of them"
 
 
 @pytest.mark.parametrize(
@@ -236,13 +236,13 @@ def test_a_visibility_leaves_no_vhat_behind():
         ("98", "write 98%"),
         (98, "write 98%"),
         (50.0, "write 50%"),
-        ("1", "no finite number of samples reaches 1; ask for 0.98"),
-        (1, "no finite number of samples reaches 1; ask for 0.98"),
-        ("100%", "no finite number of samples reaches 1; ask for 0.98"),
-        ("-0.1", "a target lies between 0 and 1, such as 0.98 or 98%"),
-        ("120%", "a target lies between 0 and 1, such as 0.98 or 98%"),
-        ("98m", "write a share such as 0.98, or 98%"),
-        ("0,98", "write a share such as 0.98, or 98%"),
+        ("1", "no finite number of photos reaches 1; give a target such as 0.98"),
+        (1, "no finite number of photos reaches 1; give a target such as 0.98"),
+        ("100%", "no finite number of photos reaches 1; give a target such as 0.98"),
+        ("-0.1", "give a target between 0 and 1, such as 0.98 or 98%"),
+        ("120%", "give a target between 0 and 1, such as 0.98 or 98%"),
+        ("98m", "give a share such as 0.98 or 98%"),
+        ("0,98", "give a share such as 0.98 or 98%"),
     ],
 )
 def test_targets_that_are_no_share_below_1_get_a_hint(name, value, hint):
@@ -295,7 +295,7 @@ def test_lane_options_go_with_lanes(grid, name):
     error = refusal(altitude=40, grid=grid, **{name: 3})
     assert BY_NAME[name].flag in error.message
     assert f"--grid {grid}" in error.message
-    assert error.hint == "they are for --grid lanes"
+    assert error.hint == "give them only with --grid lanes"
 
 
 def test_lanes_are_no_closer_than_samples_along_them():

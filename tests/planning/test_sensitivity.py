@@ -102,7 +102,7 @@ def test_a_change_that_leaves_no_plan_says_why():
     assert "out of reach" in wide.reason
     _, found = changes(altitude=23)  # the top of the canopy is at 20.04 m
     assert found["height", 1.2][2:6] == (None, None, None, None)
-    assert "up to the cameras" in found["height", 1.2].reason
+    assert "which is as high as the cameras" in found["height", 1.2].reason
     assert found["height", 0.8].reason is None
     solid = {"density": 0.9, "occluder_size": 5.0, "volume_height": 4.0, "vhat": 0.3}
     _, found = changes(altitude=40, **solid)

@@ -297,11 +297,11 @@ def recording_paths(tmp_path_factory):
         (["--focus", "1..2..3"], "not a range"),
         (["--focus", "5..1"], "empty"),
         (["--focus", "0..50"], "cameras are at 40"),
-        (["--focus", "0..1e300"], "farther"),
+        (["--focus", "0..1e300"], "more than 1e+09 m from the origin"),
         (["--focus", "3", "--focal-height", "2"], "both"),
         (["--focus", "auto", "--align", "x"], "--align 'x'"),
         (["--align", "yaw"], "need --focus"),
-        (["--focus", "auto", "--views", "1-3"], "at least 4 views"),
+        (["--focus", "auto", "--views", "1-3"], "at least 4 photos"),
         (["--focus", "auto", "--focus-figure", "c.txt"], "c.txt"),
     ],
 )

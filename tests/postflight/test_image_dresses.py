@@ -105,7 +105,7 @@ def test_poses_without_images_are_left_out_and_named(command, folder):
     arguments = recording(folder, ["a.png", "b.png", "gone.png"], held=["a.png", "b.png"])
     status, out, err = command(*arguments)
     assert status == 0
-    assert "1 of 3 poses have no image in the folder and are left out: gone.png" in err
+    assert "1 of 3 poses have no image in the folder, so they are left out: gone.png" in err
     assert "2 of 2" in out
 
 

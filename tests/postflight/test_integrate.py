@@ -232,8 +232,8 @@ def test_take_off_among_the_views_is_noticed(command, folder):
         (["--out", "no/i.png"], "no"),
         (["--out", "i.png", "--focal-height", "40"], "below the focal plane"),
         (["--out", "i.png", "--focal-height", "nan"], "--focal-height"),
-        (["--out", "i.png", "--focal-height=-1e300"], "farther than 1e+09 m"),
-        (["--out", "i.png", "--extent=-1e300,-1e300,1e300,1e300"], "farther than 1e+09 m"),
+        (["--out", "i.png", "--focal-height=-1e300"], "more than 1e+09 m from the origin"),
+        (["--out", "i.png", "--extent=-1e300,-1e300,1e300,1e300"], "more than 1e+09 m from the origin"),
         (["--out", "i.png", "--out", "./i.png"], "given twice"),
         (["--out", "i.png", "--focal-height", "9kg"], "--focal-height"),
         (["--out", "i.png", "--up", "x"], "--up 'x'"),
@@ -244,16 +244,16 @@ def test_take_off_among_the_views_is_noticed(command, folder):
         (["--out", "i.png", "--extent", "1,2,3"], "--extent '1,2,3'"),
         (["--out", "i.png", "--extent", "middle"], "--extent 'middle'"),
         (["--out", "i.png", "--extent", "3,0,1,2"], "empty"),
-        (["--out", "i.png", "--extent=900,900,910,910"], "none of the 9 views"),
+        (["--out", "i.png", "--extent=900,900,910,910"], "none of the 9 photos"),
         (["--out", "i.png", "--pitch", "0"], "pitch"),
         (["--out", "i.png", "--pitch", "-1"], "pitch"),
         (["--out", "i.png", "--aperture", "x"], "aperture"),
-        (["--out", "i.png", "--aperture", "1", "--views", "1"], "no view is in an aperture of 1 m"),
+        (["--out", "i.png", "--aperture", "1", "--views", "1"], "no photo is in a square of 1 m"),
         (["--out", "i.png", "--views", "0"], "'0' is not within 1 to 9"),
         (["--out", "i.png", "--views", "5-3"], "5-3"),
         (["--out", "i.png", "--views", "10"], "10"),
         (["--out", "i.png", "--views", "1e3"], "1e3"),
-        (["--out", "i.png", "--views", ","], "names no views"),
+        (["--out", "i.png", "--views", ","], "names no photos"),
         (["--out", "i.png", "--views", "99999999999999999999999"], "not within"),
         (["--out", "i.png", "--views", "0000.tif"], "000.tif"),
         (["--out", "i.png", "--min-views", "10"], "more than the 9"),
@@ -262,7 +262,7 @@ def test_take_off_among_the_views_is_noticed(command, folder):
         (["--compare", "pitsch=3"], "pitch"),
         (["--compare", "pitch=3 pitch=4"], "pitch=4"),
         (["--compare", "all pitch=3"], "all"),
-        (["--compare", " "], "names no views"),
+        (["--compare", " "], "names no photos"),
         (["--compare", "views=77"], "77"),
         (["--compare", "all", "--gsd", "3"], "11 x 11"),
         (["--out", "i.png", "--fov", "60"], "another one"),
@@ -300,7 +300,7 @@ CHANGES = {
     "rotation": lambda d: d["images"][1].update(
         M3x4=[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 30]]  # mirrored
     ),
-    "farther": lambda d: d["images"][1]["M3x4"][0].__setitem__(3, 1e12),
+    "from the origin": lambda d: d["images"][1]["M3x4"][0].__setitem__(3, 1e12),
     "given twice": lambda d: d["images"].append(d["images"][0]),
     "focal length": lambda d: d["camera"].update(fx=0),
     "exactly the names": lambda d: d["camera"].pop("cx"),
@@ -320,7 +320,7 @@ def test_wrong_poses_are_refused(command, recorded, folder, part):
     assert part in refused(command, *recorded, "--out", "i.png")
 
 
-BEYOND_A_SCHEMA = {"not a rotation", "rotation", "not a finite number", "farther", "given twice",
+BEYOND_A_SCHEMA = {"not a rotation", "rotation", "not a finite number", "from the origin", "given twice",
                    "its camera 100 x 120", "image '../000.tif' is outside the folder", "zero"}  # fmt: skip
 
 
@@ -376,7 +376,7 @@ def test_cameras_that_look_along_the_ground_need_an_up(command, folder):
         (f"1 PINHOLE {WIDTH} {HEIGHT} 150 x 80 60", "fy"),
         (f"1 PINHOLE {WIDTH}", "not CAMERA_ID"),
         (f"2 PINHOLE {WIDTH} {HEIGHT} 150 150 80 60", "camera '1'"),
-        (f"1 SIMPLE_RADIAL {WIDTH} {HEIGHT} 150 80 60 -1.5", "folds"),
+        (f"1 SIMPLE_RADIAL {WIDTH} {HEIGHT} 150 80 60 -1.5", "maps two points to the same pixel"),
     ],
 )
 def test_cameras_of_colmap_that_do_not_fit_are_named(command, folder, camera, part):

@@ -126,7 +126,7 @@ FEATURE = '{"type": "Feature", "geometry": %s, "properties": {}}'
 BAD = {
     "wrong first line.waypoints": ("QGC WPL", "does not begin with QGC WPL 110"),
     "empty.waypoints": ("", "does not begin with"),
-    "no rows.waypoints": ("QGC WPL 110\n", "holds no waypoints"),
+    "no rows.waypoints": ("QGC WPL 110\n", "contains no waypoints"),
     "eleven.waypoints": ("QGC WPL 110\n\n1 0 3 16 0 0 0 0 1 2 3\n", "line 3: 11 fields"),
     "letters.waypoints": ("QGC WPL 110\n\n" + "a " * 12, "line 3: command 'a'"),
     "fraction.waypoints": ("QGC WPL 110\n\n1 0 3 16.5 0 0 0 0 1 2 3 1", "not a whole number"),
@@ -142,11 +142,11 @@ BAD = {
     "null.plan": (PLAN % f"[{ITEM % (16, '[0, 0, 0, 0, null, 2, 3]')}]", "item 1: latitude"),
     "true.plan": (PLAN % f"[{ITEM % ('true', '[0, 0, 0, 0, 1, 2, 3]')}]", "item 1: command"),
     "constant.plan": (PLAN % f"[{ITEM % (16, '[0, 0, 0, 0, NaN, 2, 3]')}]", "NaN is not a number"),
-    "deep.plan": ("[" * 100_000, "nested too deeply"),
-    "deep.geojson": ('{"a":' * 200 + "1" + "}" * 200, "nested too deeply"),
+    "deep.plan": ("[" * 100_000, "nested too deeply to be read"),
+    "deep.geojson": ('{"a":' * 200 + "1" + "}" * 200, "nested too deeply to be read"),
     "geometry.geojson": ('{"type": "Point", "coordinates": [1, 2]}', "not a GeoJSON"),
-    "none.geojson": (GEOJSON % "[]", "holds no positions"),
-    "null.geojson": (GEOJSON % f"[{FEATURE % 'null'}]", "holds no positions"),
+    "none.geojson": (GEOJSON % "[]", "contains no positions"),
+    "null.geojson": (GEOJSON % f"[{FEATURE % 'null'}]", "contains no positions"),
     "far.geojson": (
         GEOJSON % f"[{FEATURE % json.dumps({'type': 'Point', 'coordinates': [14, 200]})}]",
         "feature 1: 200, 14 is not a latitude and longitude",
@@ -160,7 +160,7 @@ BAD = {
         "coordinates are not a list",
     ),
     "header.csv": ("a,b\n1,2\n", "has no columns latitude and longitude"),
-    "rows.csv": ("latitude,longitude\n", "holds no positions"),
+    "rows.csv": ("latitude,longitude\n", "contains no positions"),
     "short.csv": ("latitude,longitude\n1\n", "line 2: 1 values are too few"),
     "off.csv": ("lat,lon\n1,181\n", "line 2: 1, 181 is not a latitude and longitude"),
 }

@@ -155,7 +155,10 @@ def test_every_format_comes_back_and_its_holes_are_topped_up(tmp_path, command, 
     status, text, err = command(*line)
     found = json.loads(text)
     assert status == 0
-    expected = {"plan": "no autopilot is given", "waypoints": "the height of home above sea level"}
+    expected = {
+        "plan": "no autopilot is given",
+        "waypoints": "the height of the home position above sea level",
+    }
     assert expected[name] in err if name in expected else err == ""
     assert [site["index"] for site in found["missing"]] == [7, 30]
     Draft202012Validator(json_schema("review")).validate(found)
@@ -329,14 +332,14 @@ def test_nothing_hidden_is_seen_by_any_photo(tmp_path):
     [
         ("f.csv", b"x,y\nnan,0\n", "line 2: value 'nan' is not a finite number"),
         ("f.csv", b"x,y\n1\n", "line 2: 1 values are too few"),
-        ("f.csv", b"x,y\n", "holds no positions"),
+        ("f.csv", b"x,y\n", "contains no positions"),
         ("f.csv", b"", "has no columns"),
         ("f.csv", b"a,b\n1,2\n", "has no columns latitude and longitude, or"),
         ("f.csv", b"lat,lon\n95,0\n", "is not a latitude"),
         ("f.jpg", b"\xff\xd8\xff\xe1", "is not UTF-8 text"),
         ("f.plan", b"{}", "has no mission"),
         ("f.waypoints", b"x", "does not begin with QGC WPL"),
-        ("f.geojson", b'{"features": []}', "holds no positions"),
+        ("f.geojson", b'{"features": []}', "contains no positions"),
         ("f.json", b'{"schema": 1}', "is not a GeoJSON"),
         ("f.csv", b"lat,lon\n-48,-14\n", "km from the plan's origin"),
     ],

@@ -48,8 +48,8 @@ def test_a_route_without_photos_is_all_of_its_waypoints(tmp_path):
     [
         ("<kml>", "not valid XML"),
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><kml/>", "document type"),
-        ("<kml/>", "holds no positions"),
-        ("<a>" * 100 + "</a>" * 100, "nested too deeply"),
+        ("<kml/>", "contains no positions"),
+        ("<a>" * 100 + "</a>" * 100, "nested too deeply to be read"),
         ("<kml><Placemark><index>0</index></Placemark></kml>", "waypoint 0: has no coordinates"),
         (
             "<kml><Placemark><coordinates>14,97</coordinates></Placemark></kml>",
@@ -100,7 +100,7 @@ def test_a_mission_becomes_a_map(tmp_path, capsys, name, ending):
     ways = mission.waypoints
     assert east == pytest.approx([e - ways.east_m[0] for e in ways.east_m], abs=2e-3)
     assert run(["export", str(path), "--out", str(tmp_path / "again.waypoints")]) == 2
-    assert "needs speeds and the camera too" in capsys.readouterr().err
+    assert "also needs speeds and the camera" in capsys.readouterr().err
 
 
 def test_review_and_thin_take_routes(tmp_path, capsys):

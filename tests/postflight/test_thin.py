@@ -104,9 +104,9 @@ def test_views_at_one_place_are_as_good_as_one():
 
 
 def test_too_few_and_too_many_views_are_errors():
-    with pytest.raises(RequestError, match="2 positions are fewer"):
+    with pytest.raises(RequestError, match="2 photos are fewer"):
         choose_views([[0, 0], [1, 1]], 3, triangles(1.0))
-    with pytest.raises(RequestError, match="more than"):
+    with pytest.raises(RequestError, match="too many"):
         choose_views(np.zeros((9000, 2)), 3, triangles(1.0))
 
 
@@ -328,8 +328,8 @@ def test_choices_for_visibility_show_more_of_a_measured_stand(tmp_path):
     [
         ([], "--samples N is needed"),
         (["--samples=0"], "--samples '0' is not a whole number"),
-        (["--samples=505"], "504 positions are fewer"),
-        (["--samples=5", "--heading=best"], "views that are already recorded"),
+        (["--samples=505"], "504 photos are fewer"),
+        (["--samples=5", "--heading=best"], "photos that are already recorded"),
         (["--samples=5", "--best=most"], "--best 'most'"),
         (["--samples=5", "--density=0", "--occluder-size=1", "--volume-height=9"], "one photo"),
         (["--samples=5", "--out=-", "--json"], "both write to stdout"),

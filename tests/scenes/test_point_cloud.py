@@ -283,7 +283,7 @@ def test_a_round_plot_is_said_with_the_density_within(tmp_path):
     assert codes(disc) == ["partial_plot"]
     message = disc.warnings[0][1]
     covered = float(re.search(r"cover (\d+)%", message)[1]) / 100
-    within = float(re.search(r"but ([\d.]+) where", message)[1])
+    within = float(re.search(r"but ([\d.]+) in the part", message)[1])
     assert covered == pytest.approx(np.pi / 4, abs=0.04)
     assert within == pytest.approx(square.column_occupancy, rel=0.05)
     assert disc.column_occupancy == pytest.approx(np.pi / 4 * square.column_occupancy, rel=0.05)
@@ -317,11 +317,11 @@ def test_voxels_too_fine_for_the_points_are_said_with_a_size_that_does(
     count = 2 * round(0.5 * points_a_m2 * 20.1 * 12.1)
     path = write_cloud(tmp_path / "a.laz", *stand(count=count))
     said = dict(read_voxels(path, voxel_m=voxel_m).warnings)["voxel_below_spacing"]
-    size = float(re.search(r"voxels of ([\d.]+) m or more", said)[1])
+    size = float(re.search(r"--voxel with ([\d.]+) m or more", said)[1])
     assert voxel_m < size < 0.25
     assert "voxel_below_spacing" not in dict(read_voxels(path, voxel_m=size).warnings)
-    # The share of columns without a point follows from a Poisson distribution.
-    share = float(re.search(r"so (\d+)% of them", said)[1]) / 100.0
+    # The share of columns without a point is that of a Poisson distribution.
+    share = float(re.search(r"so (\d+)% of the columns", said)[1]) / 100.0
     assert share == pytest.approx(np.exp(-points_a_m2 * voxel_m**2), abs=0.02)
 
 

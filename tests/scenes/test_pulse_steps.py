@@ -250,8 +250,8 @@ def test_trajectories_are_read_and_interpolated(tmp_path):
     [
         ("time,x,y,z\n1,2,3,4\n", "no column 'gps_time'"),
         ("gps_time,x,y,z\n1,2,3\n", "line 2"),
-        ("gps_time,x,y,z\n1,2,3,4\n", "two or more"),
-        ("gps_time,x,y,z\n1,2,3,nan\n2,2,3,4\n", "two or more"),
+        ("gps_time,x,y,z\n1,2,3,4\n", "fewer than two"),
+        ("gps_time,x,y,z\n1,2,3,nan\n2,2,3,4\n", "fewer than two"),
         ("", "no column"),
     ],
 )

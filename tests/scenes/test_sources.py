@@ -132,7 +132,7 @@ def test_what_does_not_go_together_is_named(tiles, monkeypatch, names, said):
 
 def test_files_of_two_places_are_no_stand(tiles, tmp_path):
     far = write_cloud(tmp_path / "far.laz", stand()[0] + [[2e6], [0], [0]], stand()[1])
-    assert "all files are of one place" in refusal(tiles, far).hint
+    assert "all files are from one place" in refusal(tiles, far).hint
 
 
 # --- COPC ---
@@ -266,7 +266,7 @@ def test_what_has_no_voxels_is_not_simulated(saved, capsys):
         "1",
     ]
     assert run(["simulate", *wanted, "--quiet"]) == 2
-    assert "no voxels to simulate" in capsys.readouterr().err
+    assert "no voxels that could be simulated" in capsys.readouterr().err
 
 
 def test_statistics_printed_or_saved_again_are_the_same(saved, tmp_path, capsys):
@@ -390,9 +390,7 @@ def test_a_plot_too_small_for_the_aperture_is_said(saved, kind):
     if kind == "npz":  # A correlogram ends at its last lag, which may be smaller than the reach.
         assert "small_plot" not in codes(within)
     assert "small_plot" in codes(beyond)
-    assert (
-        "too small for this aperture" in {w.code: w.message for w in beyond.warnings}["small_plot"]
-    )
+    assert "too small for a grid of" in {w.code: w.message for w in beyond.warnings}["small_plot"]
 
 
 def test_views_that_see_almost_nothing_are_said(tmp_path):

@@ -230,16 +230,16 @@ plot pie --altitude 40 | unknown kind of figure 'pie' |
 plot visibilty --altitude 40 | unknown kind of figure 'visibilty' | did you mean visibility?
 plot grid --altitude 40 --out grid.gif | figure 'grid.gif' does not have one of the extensions .png, .svg, .pdf |
 plot grid --altitude 40 --out - | figure '-' does not have one of the extensions .png, .svg, .pdf |
-plot grid --altitude 40 --out nowhere/grid.svg | there is no folder 'nowhere' | create it first
+plot grid --altitude 40 --out nowhere/grid.svg | there is no folder 'nowhere' | create this folder first
 plot grid --altitude 40 --dpi 1e9 | --dpi 1e+09 is not from 50 to 1200 |
 plot grid --altitude 40 --width-mm -3 | --width-mm |
 plot grid --altitude 40 --width-mm 90 | --width-mm 90 is not from 140 to 1000 |
 plot grid --altitude 40 --width-mm 1000 --dpi 1200 | million pixels | .svg or .pdf
 plot grid | altitude |
 plot density | no scene is given | preset
-plot density paper-forest --scene conifer-forest | give one scene |
+plot density paper-forest --scene conifer-forest | give a single scene |
 plot density no-such-forest | unknown scene 'no-such-forest' |
-plot correlogram paper-forest | has no correlogram | point cloud
+plot correlogram paper-forest | has neither a correlogram | point cloud
 plot visibility --altitude 40 --density 0 --occluder-size 0.2 --volume-height 9 | no occluder is above |
 plot density --density 0 --occluder-size 0.2 --volume-height 9 | no occluder is above |
 """

@@ -135,7 +135,7 @@ def test_a_map_of_too_many_cells_is_refused(tmp_path):
     path = tmp_path / "r.csv"
     rows = "".join(f"{k},1,5,ok\n" for k in range(2 * MOST_VALUES))
     path.write_text(f"altitude,vhat,samples,status\n{rows}")
-    with pytest.raises(RequestError, match="different values, and a map at most"):
+    with pytest.raises(RequestError, match="different values, but a map can have at most"):
         results_of(str(path), ColumnChoice("altitude", "vhat", "samples"))
 
 
@@ -159,11 +159,11 @@ def test_a_sweep_draws_itself_as_plot_draws_its_results(campaign, tmp_path, caps
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("plot sweep", "no results are given"),
+        ("plot sweep", "no results of a sweep are given"),
         ("plot sweep nothing.csv", "no file 'nothing.csv'"),
         ("plot sweep r.txt", "does not have one of the extensions .csv, .parquet, .jsonl"),
         ("plot sweep r.csv --x sample", "the results have no column 'sample'"),
-        ("plot sweep r.csv --value samples", "--value without --x and --y"),
+        ("plot sweep r.csv --value samples", "--value is given without --x and --y"),
         ("plot sweep r.csv --altitude 40", "--altitude cannot be used with the results of a sweep"),
         ("plot sweep r.csv --x scene --y samples", "nothing to draw"),
         (

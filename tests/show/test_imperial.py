@@ -19,7 +19,7 @@ from aosplan.show.text.imperial import imperial
         ("2.51 to 20 m", "8.23 to 65.6 ft"),
         ("5.27 cm per pixel", "2.07 in per pixel"),
         ("5,044 m, 20 min 1 s", "16,550 ft, 20 min 1 s"),
-        ("at 4.5 m/s, run-in 5.06 m", "at 10.1 mph, run-in 16.6 ft"),
+        ("at 4.5 m/s, after a run-in of 5.06 m", "at 10.1 mph, after a run-in of 16.6 ft"),
         ("4.007 ha, 100 % of it", "9.902 acres, 100 % of it"),
         ("1012 (24 per m²)", "1012 (24 per m²)"),
         ("0.000 m", "0.00 ft"),

@@ -450,8 +450,8 @@ def test_a_missing_extra_is_one_line_and_a_hint(command, monkeypatch, missing, p
 
 def test_plans_that_are_not_simulated_say_why():
     for options, reason in (
-        ({"hold_error": 0.3, "vhat": 0.8}, "a simulation flies to every site exactly"),
-        ({"rays": "oblique", "vhat": 0.8}, "a simulation always traces the real rays"),
+        ({"hold_error": 0.3, "vhat": 0.8}, "a simulation takes each photo exactly at its site"),
+        ({"rays": "oblique", "vhat": 0.8}, "a simulation always traces the slanted rays"),
         ({"vhat": "99.99%", "allow_no_common_ground": True}, "10000 photos"),
     ):
         text = Page(report_page(plan(PlanRequest(altitude=40, **options)))).of("main")[0]["text"]

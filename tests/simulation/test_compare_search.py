@@ -52,7 +52,7 @@ def test_what_cannot_be_searched_is_refused():
     planned = plan(PlanRequest(**SCENE, **FLOWN, **OWN))
     with pytest.raises(RequestError, match="voxels of a point cloud"):
         compare_search(planned, forest="cloud")
-    with pytest.raises(RequestError, match="needs uniform, layered, clumped or cloud"):
+    with pytest.raises(RequestError, match="give --forest uniform, layered, clumped or cloud"):
         compare_search(planned, forest="noise")
 
 
@@ -70,4 +70,4 @@ def test_the_command_prints_the_search(command, monkeypatch):
     assert np.isfinite(search["standard_error"])
     status, _, err = command("simulate", *options, *flown, *own, "--forest", "noise")
     assert status == 2
-    assert "no ground for targets" in err
+    assert "no ground on which targets could lie" in err

@@ -72,13 +72,15 @@ def test_a_grid_over_no_common_ground_is_taken_only_where_there_is_no_other():
     assert solve_best(problems).problem.grid.name == "line"
     grounded = solve_best(problems, footprint_m=(30.0, 30.0))
     assert grounded.problem.grid.name == "trimmed"
-    assert "line 50 without ground that all samples see" in grounded.solution.limits[-1].message
+    assert (
+        "line 50 because no ground would be in all photos" in grounded.solution.limits[-1].message
+    )
     assert solve_best(problems, footprint_m=(1.0, 1.0)).problem.grid.name == "line"
 
 
 def test_out_of_reach_of_every_grid_names_them_all():
     problem = Problem(PAPER, vhat("0.98"), bounds=Bounds(max_samples=20))
-    with pytest.raises(InfeasibleError, match="nor do 3 lanes of pitch 4, spiral of pitch 4, line"):
+    with pytest.raises(InfeasibleError, match="3 lanes of pitch 4, spiral of pitch 4, line"):
         solve_best([problem._replace(grid=grid) for grid in kinds("best")])
 
 

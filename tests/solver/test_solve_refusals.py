@@ -82,7 +82,7 @@ def numbers(pattern, text):
 
 
 NUMBER = r"(\d+(?:\.\d+)?(?:e[+-]?\d+)?)"
-AT_MOST = rf"at most V̂ = {NUMBER} with {NUMBER} samples {NUMBER} m apart"
+AT_MOST = rf"the best grid reaches V̂ = {NUMBER} with {NUMBER} samples {NUMBER} m apart"
 
 
 @pytest.mark.parametrize("grid", KINDS)
@@ -143,7 +143,7 @@ def test_the_samples_that_a_refusal_asks_for_are_enough(grid, objective):
     """
     problem = Problem(PAPER, vhat("0.98"), GridKind(grid), Bounds(max_samples=49), objective)
     error = refused(problem)
-    (needed,) = numbers(rf"allow {NUMBER} samples", error.hint)
+    (needed,) = numbers(rf"--max-samples {NUMBER}", error.hint)
     allowed = problem._replace(bounds=Bounds(max_samples=int(needed)))
     assert solve(allowed).pattern.samples <= needed
 
@@ -153,7 +153,7 @@ def test_the_samples_that_a_refusal_asks_for_are_enough(grid, objective):
 def test_too_few_samples_for_whole_rows_are_refused_like_any_other(grid, objective):
     """50 samples would be sufficient, but such a grid has 51, 56 or 64 samples."""
     error = refused(Problem(PAPER, vhat("0.98"), GridKind(grid), Bounds(max_samples=50), objective))
-    assert "at most V̂ = 0.9" in error.message
+    assert "the best grid reaches V̂ = 0.9" in error.message
     assert error.hint
 
 
@@ -163,7 +163,7 @@ def test_the_wider_baseline_that_a_refusal_names_does_with_the_samples_it_names(
         model = PAPER._replace(unit_baseline_m=unit)
         bounds = Bounds(baseline_m=baseline * unit / 3.5, max_samples=50)
         error = refused(Problem(model, vhat("0.98"), bounds=bounds))
-        wide, samples = numbers(rf"--baseline {NUMBER} on, .* {NUMBER} samples are", error.hint)
+        wide, samples = numbers(rf"--baseline {NUMBER} on, .* {NUMBER} photos are", error.hint)
         found = solve(Problem(model, vhat("0.98"), bounds=Bounds(baseline_m=wide, max_samples=50)))
         assert found.pattern.samples == samples
 
@@ -188,7 +188,9 @@ def test_a_baseline_that_breaks_the_bound_on_the_aperture_is_refused():
 def test_too_few_fixed_samples_are_refused_with_the_number_that_does(grid):
     for samples in (1, 7, 36):
         error = refused(Problem(PAPER, vhat("0.98"), GridKind(grid), Bounds(samples=samples)))
-        best, baseline = numbers(rf"at most V̂ = {NUMBER}, {NUMBER} m apart", error.message)
+        best, baseline = numbers(
+            rf"the best grid reaches V̂ = {NUMBER}, with photos {NUMBER} m apart", error.message
+        )
         pattern = GridKind(grid).pattern(samples)
         assert PAPER.predict(pattern, baseline).normalized == pytest.approx(best, abs=1e-4)
         (needed,) = numbers(rf"at least {NUMBER}", error.hint)
@@ -207,7 +209,7 @@ def test_a_visibility_beyond_infinitely_many_samples_is_refused_with_the_limit(p
         target = Fraction(1 - p**2) + Fraction(beyond)
         error = refused(Problem(model, Requirement("visibility", target)))
         one, infinite = numbers(
-            rf"one sample has {NUMBER}, infinitely many have {NUMBER}", error.message
+            rf"one photo reaches {NUMBER}, and infinitely many photos reach {NUMBER}", error.message
         )
         assert one == pytest.approx(1 - p, rel=1e-3)
         assert infinite == pytest.approx(1 - p**2, rel=1e-3)

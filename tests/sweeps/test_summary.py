@@ -442,8 +442,8 @@ def test_no_row_kept_is_a_summary_too(campaign, capsys):
     ("options", "words"),
     [
         ([], ["no output is given", "--summary"]),
-        (["--json", "--out", "r.csv"], ["--json without --summary"]),
-        (["--summary", "--where", "sampels < 1"], ["sampels", "columns: "]),
+        (["--json", "--out", "r.csv"], ["--json is given without --summary"]),
+        (["--summary", "--where", "sampels < 1"], ["sampels", "the columns are"]),
         (["--summary", "--seed", "3"], ["--seed without --simulate"]),
         (["--simulate", "0"], ["--simulate '0'"]),
         (["--simulate", "2.5"], ["--simulate '2.5'"]),

@@ -43,7 +43,8 @@ class Integral(Summarized, integrals.Integral):
             "Pixel": f"{100.0 * self.raster.gsd_m:.3g} cm",
             "Extent": f"{east - west:.4g} x {north - south:.4g} m",
             "Bands": str(bands),
-            "Seen": f"{percent(float((self.coverage > 0.0).mean()))} of the pixels by some view",
+            "Seen": f"{percent(float((self.coverage > 0.0).mean()))} of the pixels are in at least "
+            "one photo",
         }
         if self.focus is not None:
             facts["Focus"] = f"ground at {self.focus.ground.place:.3g} m"
@@ -156,7 +157,7 @@ def integrate(
     surface = None if focal_surface is None else os.fspath(focal_surface)
     heights, height_m = search_of(focus, focal_height_m, surface)
     if focus is None and align is not None:
-        raise RequestError("align needs focus", "focus='auto'")
+        raise RequestError("align needs focus", "give focus='auto'")
     recording = Recording(
         os.fspath(photos),
         None if images is None else os.fspath(images),

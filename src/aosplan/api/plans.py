@@ -48,7 +48,7 @@ class Plan(Summarized, result.Plan):
         seen = (
             f"V̂ = {percent(shown.normalized)}, V = {percent(shown.expected)}"
             if shown.density > 0.0
-            else "V = 100 %: nothing is hidden"
+            else "V = 100 %, because nothing is hidden"
         )
         place = "no location" if self.origin is None else "{:.5f}, {:.5f}".format(*self.origin)
         facts = {

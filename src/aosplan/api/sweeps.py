@@ -169,7 +169,8 @@ def sweep(
         swept, folder = crossing_of(scenarios), os.getcwd()
     if per and best is None:
         raise RequestError(
-            "per without best", "give best='COLUMN', the column that decides which row is kept"
+            "per is given without best",
+            "give best='COLUMN', the column that decides which row is kept",
         )
     names = columns if columns is None or isinstance(columns, str) else ",".join(columns)
     results = chosen_results(names, finds="find" in swept.names)

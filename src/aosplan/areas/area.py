@@ -188,7 +188,8 @@ def read_area(
 def _check_overlay(whole: Any, shape: Any, path: str) -> None:
     if cross_often([whole, shape], MOST_CROSSINGS):
         raise RequestError(
-            f"the outlines of '{path}' cross those of the area too often", "simplify them first"
+            f"the outlines of '{path}' cross the outlines of the area too often",
+            "simplify them first",
         )
 
 
@@ -230,7 +231,9 @@ def _ignored(outline: Outline) -> list[Message]:
     text = listed(outline.ignored)
     return [
         *outline.notices,
-        Message("ignored_geometry", f"{text} of '{outline.path}' have no area and are left out"),
+        Message(
+            "ignored_geometry", f"{text} of '{outline.path}' have no area, so they are left out"
+        ),
     ]
 
 
@@ -243,8 +246,9 @@ def _without_slivers(shape: Any, outline: Outline) -> tuple[Any, list[Message]]:
     if not thin.any() or thin.all():
         return shape, []
     message = (
-        f"{int(thin.sum())} of {len(parts)} parts of '{outline.path}' are slivers, narrower than "
-        f"{SLIVER_M:g} m and {float(area_m2[thin].sum()):.2g} m² together: they are left out"
+        f"{int(thin.sum())} of {len(parts)} parts of '{outline.path}' are slivers, narrower "
+        f"than {SLIVER_M:g} m and {float(area_m2[thin].sum()):.2g} m² together, so they are "
+        "left out"
     )
     return shapely.multipolygons(parts[~thin]), [Message("slivers", message)]
 
@@ -265,9 +269,9 @@ def _elsewhere(
         points = _local(swapped, origin)
         if np.hypot(*points.T).min() < NEARBY_M:
             raise RequestError(
-                f"'{outline.path}' is {apart / 1000.0:.4g} km from the area, and would be near it "
-                "with its axes swapped",
-                "longitude comes first, then latitude",
+                f"'{outline.path}' is {apart / 1000.0:.4g} km from the area; with latitude "
+                "and longitude swapped, it would be near the area",
+                "give the longitude before the latitude",
             )
     return Message("elsewhere", f"no {what} of '{outline.path}' is near the area")
 
@@ -301,7 +305,7 @@ def _check_reach(points: NDArray[np.float64], outline: Outline, most_m: float) -
         raise RequestError(
             f"area '{outline.path}' reaches {farthest / 1000.0:.4g} km from its "
             f"middle, more than the {FARTHEST_M / 1000.0:g} km that a plan can cover",
-            "longitude comes first, then latitude; divide a large area into several plans",
+            "give the longitude before the latitude; divide a large area into several plans",
         )
 
 
@@ -341,7 +345,8 @@ def _united(outline: Outline, origin: tuple[float, float]) -> Any:
         if sound is None:
             raise RequestError(
                 f"'{outline.path}': {place}: {_reason(polygon, origin)}",
-                "correct the outline in the program that drew it, or draw it as several polygons",
+                "correct the outline in the program with which it was drawn, or draw it as "
+                "several polygons",
             )
         polygons.append(sound)
     if len(polygons) > 1 and cross_often(polygons, MOST_CROSSINGS):
@@ -417,8 +422,8 @@ def _simplified(shape: Any, *, outward: bool) -> tuple[Any, float]:
         if shapely.get_num_coordinates(safe) <= MOST_VERTICES:
             return polygons_of(safe), (1.0 + 1.03) * tolerance
     raise RequestError(
-        f"an outline of {shapely.get_num_coordinates(shape)} vertices has more than "
-        f"{MOST_VERTICES} left when it is simplified to {TOLERANCES_M[-1]:g} m",
+        f"an outline of {shapely.get_num_coordinates(shape)} vertices still has more than "
+        f"{MOST_VERTICES} vertices after a simplification to {TOLERANCES_M[-1]:g} m",
         "draw it with fewer vertices",
     )
 

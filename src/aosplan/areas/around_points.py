@@ -46,11 +46,13 @@ def read_surroundings(path: str, radius_m: float) -> Outline:
     """
     found = read_shapes(path)
     if not found.points:
-        raise RequestError(f"'{path}' holds no point", "give an area of polygons as --area")
+        raise RequestError(
+            f"'{path}' contains no point", "if the file contains polygons, give it as --area"
+        )
     if len(found.points) > MOST_POINTS:
         raise RequestError(
             f"'{path}' has {len(found.points)} points, more than {MOST_POINTS}",
-            "keep those with the largest contrast",
+            "keep the points with the largest contrast",
         )
     ignored = found.ignored.copy()
     for kind in ("Point", "MultiPoint"):

@@ -142,7 +142,7 @@ def _read_document(content: bytes, outline: Outline) -> None:
     else:
         raise RequestError(
             f"'{path}' is neither GeoJSON, KML nor KMZ",
-            "other formats: ogr2ogr -t_srs EPSG:4326 area.geojson FILE",
+            "convert other formats with ogr2ogr -t_srs EPSG:4326 area.geojson FILE",
         )
 
 
@@ -167,7 +167,7 @@ def listed(counts: Counter[str]) -> str:
 def _too_many(path: str) -> RequestError:
     return RequestError(
         f"'{path}' has more than {MOST_POSITIONS} positions",
-        "simplify it first: ogr2ogr -simplify 0.000001 simple.geojson FILE",
+        "simplify it first, with ogr2ogr -simplify 0.000001 simple.geojson FILE",
     )
 
 
@@ -339,9 +339,9 @@ def _text(position: NDArray[np.float64]) -> str:
 def _off_the_globe(longitude: float, latitude: float, place: str) -> RequestError:
     hint = ""
     if max(abs(longitude), abs(latitude)) > 360.0:
-        hint = "degrees are expected, not metres: ogr2ogr -t_srs EPSG:4326 area.geojson FILE"
+        hint = "convert metres to degrees with ogr2ogr -t_srs EPSG:4326 area.geojson FILE"
     elif abs(latitude) > 90.0 and abs(longitude) <= 90.0:
-        hint = "longitude comes first, then latitude"
+        hint = "give the longitude before the latitude"
     elif abs(latitude) <= 90.0:
         hint = f"across the antimeridian, {longitude:g} is {(longitude + 180) % 360 - 180:g}"
     return RequestError(
@@ -390,7 +390,7 @@ class _KmlReader:
             raise RequestError(f"'{self.outline.path}' is XML, but not KML: it begins with <{tag}>")
         self.path.append(tag)
         if len(self.path) > DEEPEST:
-            raise RequestError(f"'{self.outline.path}' is nested too deeply")
+            raise RequestError(f"'{self.outline.path}' is nested too deeply to be read")
         if tag == "Polygon":
             self.shells, self.holes = [], []
         elif tag == "coordinates" and ("Polygon" in self.path or self.path[-2:-1] == ["Point"]):
@@ -491,7 +491,7 @@ def _document_name(names: list[str], path: str) -> str:
     if len(chosen) > 1:
         raise RequestError(
             f"'{path}' contains {len(chosen)} KML documents: {', '.join(map(shown, chosen[:3]))}",
-            "unpack it, and give one of them",
+            "unpack it, and give one of the documents",
         )
     name = chosen[0]
     parts = name.replace("\\", "/").split("/")

@@ -50,7 +50,7 @@ class NoFlyZones:
         if len(self.corners) > MOST_CORNERS:
             raise RequestError(
                 f"the no-fly zones have {len(self.corners)} corners, more than {MOST_CORNERS}",
-                "keep only the zones near the area, or draw them with fewer corners",
+                "keep only the zones near the area, or draw the zones with fewer corners",
             )
         self._seen: dict[int, tuple[NDArray[np.intp], NDArray[np.float64]]] = {}
         self._ways: dict[tuple[float, ...], list[tuple[float, float]] | None] = {}

@@ -49,7 +49,7 @@ class Reprojection(NamedTuple):
             raise RequestError(
                 f"{place}: crs {shown(self.name)} is not WGS 84, but the coordinates look like "
                 "degrees",
-                "give the coordinate reference system of the coordinates",
+                "give the coordinate reference system in which the coordinates are",
             )
         # Lists are passed, because older versions of pyproj treat an array with one value as a
         # number.
@@ -119,13 +119,15 @@ def reprojection(name: str, path: str) -> Reprojection | None:
         return None
     limit_m = PROJECTED_WITHIN_M if crs.is_projected else DEGREES_WITHIN_M
     if not 0.0 <= accuracy_m <= limit_m:
-        known = f"known to {accuracy_m:g} m here" if accuracy_m > 0.0 else "not known here"
+        known = f"up to {accuracy_m:g} m here" if accuracy_m > 0.0 else "not known here"
         raise RequestError(
-            f"'{path}': crs {shown(name)} is not WGS 84, and the difference is {known}", hint
+            f"'{path}': crs {shown(name)} is not WGS 84, and the error of a transformation "
+            f"to WGS 84 is {known}",
+            hint,
         )
     message = (
-        f"'{path}' is in {crs.name}: it was transformed to WGS 84, which is exact to "
-        f"{accuracy_m:g} m"
+        f"'{path}' is in {crs.name}: its coordinates were transformed to WGS 84, with an "
+        f"error of at most {accuracy_m:g} m"
     )
     return Reprojection(
         transformers[0], crs.is_projected, path, name, Message("reprojected", message)

@@ -242,11 +242,11 @@ def _window(pattern: Pattern, baseline_m: float, footprint_m: tuple[float, float
             footprint_m[1] / (window.rows * pattern.row_pitch),
         ) * pattern.longer_side  # fmt: skip
         raise InfeasibleError(
-            f"images of {footprint_m[0]:.4g} x {footprint_m[1]:.4g} m are too small "
-            f"for an area: a point must be in the images of all {pattern.samples} "
-            f"sites around it, which cover {x:.4g} x {y:.4g} m",
-            f"--max-aperture {math.floor(most * 100.0) / 100.0:g} makes the grid fit, perhaps with a "
-            "lower target; or use a wider camera",
+            f"images of {footprint_m[0]:.4g} x {footprint_m[1]:.4g} m are too small for an "
+            f"area: a point must be in the photos from all {pattern.samples} sites around "
+            f"it, and these sites extend over {x:.4g} x {y:.4g} m",
+            f"--max-aperture {math.floor(most * 100.0) / 100.0:g} makes the grid small "
+            "enough, and may need a lower target; or use a camera with a wider field of view",
         )
     return window
 
@@ -274,7 +274,8 @@ def _refuse_more(sites: int, max_sites: int, about: str) -> None:
         )
         raise RequestError(
             f"the area needs {about}{sites} sites, more than the {bound}",
-            f"give --max-sites {sites}, a smaller area, or --clear FILE for its open parts"
+            f"give --max-sites {sites}, a smaller area, or --clear FILE for parts of the "
+            "area without canopy"
             if sites <= MOST_SITES
             else f"a plan has at most {MOST_SITES} sites: divide the area, or fly higher",
         )
@@ -291,7 +292,8 @@ def _allowed(wanted: Whole, at_sites: CellLattice, zones: NoFlyZones) -> tuple[W
     sites = wanted[outside]
     if len(sites) == 0:
         raise InfeasibleError(
-            f"all {len(wanted)} sites lie in no-fly zones", "a smaller --buffer, or another area"
+            f"all {len(wanted)} sites lie in no-fly zones",
+            "give a smaller --buffer, or another area",
         )
     places = zones.enclosures(points[outside])
     names, counts = np.unique(places, return_counts=True)
@@ -354,15 +356,17 @@ def _losses(survey: Survey, samples: int) -> list[Message]:
     if survey.covered_share == 1.0:
         return []
     lost = (1.0 - survey.covered_share) * survey.area_m2
-    fewest = "" if survey.fewest_looks is None else f", the worst place from {survey.fewest_looks}"
+    fewest = "" if survey.fewest_looks is None else f" (the worst place from {survey.fewest_looks})"
     enclosed = (
-        f", and {survey.sites_enclosed} are enclosed by them" if survey.sites_enclosed else ""
+        f" and {survey.sites_enclosed} sites are enclosed by such zones"
+        if survey.sites_enclosed
+        else ""
     )
     return [
         Message(
             "coverage_lost",
-            f"{_area(lost)} of {_area(survey.area_m2)} m² ({100 * lost / survey.area_m2:.3g} %) are "
-            f"seen from fewer than {samples} sites{fewest}: "
+            f"{_area(lost)} of {_area(survey.area_m2)} m² ({100 * lost / survey.area_m2:.3g} "
+            f"%) are seen from fewer than {samples} sites{fewest}, because "
             f"{survey.sites_in_no_fly} sites are in no-fly zones{enclosed}",
         )
     ]

@@ -71,7 +71,7 @@ def read_vectors(path: str) -> Iterator[tuple[Rings | None, str, Message | None]
         if not crs:
             raise RequestError(
                 f"'{path}' does not state its coordinate reference system",
-                "a shapefile has it in a .prj file beside it",
+                "for a shapefile, add the .prj file, which contains it",
             )
         change = reprojection(str(crs), path)
         if change is not None:
@@ -103,7 +103,9 @@ def _polygons(
             )
         elif path.lower().endswith(".gpx") and _comes_back(part):
             ring = shapely.get_coordinates(part)
-            message = f"'{path}': {place}, a track or route, was closed and is used as an outline"
+            message = (
+                f"'{path}': {place}, a track or route, was closed, so it is used as an outline"
+            )
             yield [np.concatenate([ring, ring[:1]])], place, Message("track_closed", message)
         else:
             yield None, part.geom_type, None

@@ -138,7 +138,7 @@ def coverage_baseline(
     if height <= 0.0:
         raise InfeasibleError(
             no_coverage_text(coverage),
-            "no baseline blurs occluders at height 0: use a smaller --coverage, such as 0.98",
+            "no baseline separates occluders at height 0; give a smaller --coverage, such as 0.98",
         )
     unit = _unit_baseline_m(slab, height, altitude_m, focal_length_px)
     return CoverageBaseline(unit, height, slab.occluder_size_m)
@@ -146,7 +146,9 @@ def coverage_baseline(
 
 def no_coverage_text(coverage: float) -> str:
     """Error message for a coverage that includes occluders on the focal plane."""
-    return f"coverage {coverage:g} includes every occluder, but some are on the focal plane"
+    return (
+        f"coverage {coverage:g} includes every occluder, but some occluders are on the focal plane"
+    )
 
 
 def _unit_baseline_m(

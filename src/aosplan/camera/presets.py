@@ -50,9 +50,9 @@ CAMERAS: dict[str, CameraPreset] = {
             " the calibration in s-du/IRMapper, cam_calib_m3t_opencv.xml (765 px, 9.2 mm)"
         ),
         assumed=(
-            "sensor size from 12 µm pitch; focal length from the 40 mm equivalent, which the"
-            " images record too; DJI also states 61° diagonal, with lens distortion, where 9.1 mm"
-            " gives 57°"
+            "sensor size computed from the pixel pitch of 12 µm; focal length computed from "
+            "the 40 mm equivalent, which is also in the tags of the images; DJI also states "
+            "61° diagonal (with lens distortion), but 9.1 mm gives 57°"
         ),
     ),
     "dji-m30t-thermal": CameraPreset(
@@ -68,8 +68,8 @@ CAMERAS: dict[str, CameraPreset] = {
             " s-du/Thermogram, cam_calib_m30t_opencv.xml (741 px, 8.9 mm)"
         ),
         assumed=(
-            "sensor size from 12 µm pitch; DJI also states 61° diagonal, with lens distortion,"
-            " where 9.1 mm (40 mm equivalent) gives 57°"
+            "sensor size computed from the pixel pitch of 12 µm; DJI also states 61° "
+            "diagonal (with lens distortion), but 9.1 mm (40 mm equivalent) gives 57°"
         ),
     ),
     "dji-h20t-thermal": CameraPreset(
@@ -81,7 +81,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=640,
         image_height_px=512,
         source="Zenmuse H20 Series specifications, DJI (13.5 mm, 40.6° diagonal)",
-        assumed="sensor size from 12 µm pitch",
+        assumed="sensor size computed from the pixel pitch of 12 µm",
     ),
     "dji-h30t-thermal": CameraPreset(
         title="DJI Zenmuse H30T, thermal camera",
@@ -96,7 +96,7 @@ CAMERAS: dict[str, CameraPreset] = {
             " length confirmed by the calibration in s-du/Thermogram, cam_calib_h30t_opencv.xml"
             " (2015 px, 24.2 mm)"
         ),
-        assumed="sensor size from 12 µm pitch",
+        assumed="sensor size computed from the pixel pitch of 12 µm",
     ),
     "dji-m4t-thermal": CameraPreset(
         title="DJI Matrice 4T, thermal camera",
@@ -111,8 +111,8 @@ CAMERAS: dict[str, CameraPreset] = {
             " calibration in s-du/Thermogram, cam_calib_m4t_opencv.xml (12.1 mm)"
         ),
         assumed=(
-            "sensor size from 12 µm pitch; focal length from the 53 mm equivalent;"
-            " native 640 x 512 image, not the enlarged 1280 x 1024 one"
+            "sensor size computed from the pixel pitch of 12 µm; focal length computed from "
+            "the 53 mm equivalent; native 640 x 512 image, not the enlarged 1280 x 1024 one"
         ),
     ),
     "dji-m3td-thermal": CameraPreset(
@@ -125,8 +125,9 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=512,
         source="Matrice 3D Series specifications, DJI (40 mm equivalent, 61° diagonal)",
         assumed=(
-            "sensor size from 12 µm pitch; focal length that of the Mavic 3T, for which DJI states the"
-            " same 40 mm equivalent and 61° diagonal; 9.1 mm gives 57°; unconfirmed"
+            "sensor size computed from the pixel pitch of 12 µm; focal length as for the "
+            "Mavic 3T, for which DJI states the same 40 mm equivalent and 61° diagonal; 9.1 "
+            "mm gives 57°; unconfirmed"
         ),
     ),
     "dji-m4td-thermal": CameraPreset(
@@ -139,8 +140,9 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=512,
         source="Matrice 4D Series specifications, DJI (53 mm equivalent, 45° diagonal)",
         assumed=(
-            "sensor size from 12 µm pitch; focal length that of the Matrice 4T, for which DJI states the"
-            " same 53 mm equivalent and 45°; native 640 x 512 image; unconfirmed"
+            "sensor size computed from the pixel pitch of 12 µm; focal length as for the "
+            "Matrice 4T, for which DJI states the same 53 mm equivalent and 45°; native 640 "
+            "x 512 image; unconfirmed"
         ),
     ),
     "dji-m2ea-thermal": CameraPreset(
@@ -156,8 +158,9 @@ CAMERAS: dict[str, CameraPreset] = {
             " by the calibration in s-du/IRMapper, cam_calib_m2t_opencv.xml (751 px, 9.0 mm; 9.12 mm in Theta-Limited/DroneModels)"
         ),
         assumed=(
-            "sensor size from 12 µm pitch; DJI states no field of view, and its equivalent of"
-            " about 38 mm would be 59° diagonal where 9 mm gives 57°"
+            "sensor size computed from the pixel pitch of 12 µm; DJI states no field of "
+            "view, and its equivalent of about 38 mm would be 59° diagonal where 9 mm gives "
+            "57°"
         ),
     ),
     "dji-xt2-640-13mm": CameraPreset(
@@ -169,7 +172,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=640,
         image_height_px=512,
         source="Zenmuse XT2 specifications, DJI (13 mm, 45° x 37°)",
-        assumed="sensor size from 17 µm pitch; nominal data-sheet values",
+        assumed="sensor size computed from the pixel pitch of 17 µm; nominal data-sheet values",
     ),
     "dji-xt2-640-19mm": CameraPreset(
         title="DJI Zenmuse XT2 640, 19 mm lens, thermal camera",
@@ -180,7 +183,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=640,
         image_height_px=512,
         source="Zenmuse XT2 specifications, DJI (19 mm, 32° x 26°)",
-        assumed="sensor size from 17 µm pitch; nominal data-sheet values",
+        assumed="sensor size computed from the pixel pitch of 17 µm; nominal data-sheet values",
     ),
     # DJI, colour cameras
     "dji-m3t-wide": CameraPreset(
@@ -197,8 +200,8 @@ CAMERAS: dict[str, CameraPreset] = {
             " 4000 px image width)"
         ),
         assumed=(
-            "sensor size is the nominal 1/2-inch area (0.8 µm pitch);"
-            " focal length from 84° diagonal field of view, rounded to 0.1 mm"
+            "sensor size is the nominal 1/2-inch area (0.8 µm pitch); focal length computed "
+            "from the diagonal field of view of 84°, rounded to 0.1 mm"
         ),
     ),
     "dji-m3e-wide": CameraPreset(
@@ -214,7 +217,8 @@ CAMERAS: dict[str, CameraPreset] = {
             " 24 mm equivalent)"
         ),
         assumed=(
-            "sensor size from 3.3 µm pitch; focal length as the images record it (12.29 mm, 3725 px), which gives 83°"
+            "sensor size computed from the pixel pitch of 3.3 µm; focal length as in the "
+            "tags of the images (12.29 mm, 3725 px), which gives 83°"
         ),
     ),
     "dji-m3m-wide": CameraPreset(
@@ -227,8 +231,9 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=3956,
         source="Mavic 3M specifications, DJI (4/3, 84°, 24 mm equivalent)",
         assumed=(
-            "sensor size from 3.3 µm pitch; focal length as images of the Mavic 3E record it (12.29 mm), for"
-            " which DJI states the same 4/3 sensor, 84° and 24 mm equivalent; it gives 83°"
+            "sensor size computed from the pixel pitch of 3.3 µm; focal length as in the "
+            "tags of images of the Mavic 3E (12.29 mm), for which DJI states the same 4/3 "
+            "sensor, 84° and 24 mm equivalent; it gives 83°"
         ),
     ),
     "dji-m3d-wide": CameraPreset(
@@ -241,8 +246,9 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=3956,
         source="Matrice 3D Series specifications, DJI (4/3, 84°, 24 mm equivalent)",
         assumed=(
-            "sensor size from 3.3 µm pitch; focal length as images of the Mavic 3E record it (12.29 mm), for"
-            " which DJI states the same 4/3 sensor, 84° and 24 mm equivalent; it gives 83°; unconfirmed"
+            "sensor size computed from the pixel pitch of 3.3 µm; focal length as in the "
+            "tags of images of the Mavic 3E (12.29 mm), for which DJI states the same 4/3 "
+            "sensor, 84° and 24 mm equivalent; it gives 83°; unconfirmed"
         ),
     ),
     "dji-m4d-wide": CameraPreset(
@@ -255,8 +261,9 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=3956,
         source="Matrice 4D Series specifications, DJI (4/3, 84°, 24 mm equivalent)",
         assumed=(
-            "sensor size from 3.3 µm pitch; focal length as images of the Mavic 3E record it (12.29 mm), for"
-            " which DJI states the same 4/3 sensor, 84° and 24 mm equivalent; it gives 83°; unconfirmed"
+            "sensor size computed from the pixel pitch of 3.3 µm; focal length as in the "
+            "tags of images of the Mavic 3E (12.29 mm), for which DJI states the same 4/3 "
+            "sensor, 84° and 24 mm equivalent; it gives 83°; unconfirmed"
         ),
     ),
     "dji-m3m-multispectral": CameraPreset(
@@ -269,8 +276,9 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=1944,
         source="Mavic 3M specifications, DJI (1/2.8-inch, 73.91° diagonal, 61.2° x 48.1°, 25 mm equivalent)",
         assumed=(
-            "sensor size from 2 µm pitch, the usual one for 5 megapixels at 1/2.8 inch; focal length between"
-            " those of the three stated angles; unconfirmed"
+            "sensor size computed from the pixel pitch of 2 µm, the usual one for 5 "
+            "megapixels at 1/2.8 inch; focal length between those of the three stated "
+            "angles; unconfirmed"
         ),
     ),
     "dji-m30t-wide": CameraPreset(
@@ -300,8 +308,9 @@ CAMERAS: dict[str, CameraPreset] = {
             " calibration in Theta-Limited/DroneModels, droneModels.json (2775 px)"
         ),
         assumed=(
-            "sensor size from 1.55 µm pitch, the usual one for 12 megapixels at 1/2.3 inch; the calibrated"
-            " lens is 4 % wider than the nominal 4.5 mm, and gives 85° where DJI states 82.9°"
+            "sensor size computed from the pixel pitch of 1.55 µm, the usual one for 12 "
+            "megapixels at 1/2.3 inch; the calibrated lens is 4 % wider than the nominal 4.5 "
+            "mm and gives 85°, but DJI states 82.9°"
         ),
     ),
     "dji-h30t-wide": CameraPreset(
@@ -331,8 +340,8 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=6048,
         source="Matrice 4 Series specifications, DJI (1/1.3-inch, 82°, 24 mm equivalent)",
         assumed=(
-            "sensor size is the nominal 1/1.3-inch area; focal length from the 24 mm equivalent"
-            " and 82°, taken as that of the Zenmuse H30T wide camera"
+            "sensor size is the nominal 1/1.3-inch area; focal length computed from the 24 "
+            "mm equivalent and 82°, assumed to be that of the Zenmuse H30T wide camera"
         ),
     ),
     "dji-m4e-wide": CameraPreset(
@@ -345,8 +354,8 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=3956,
         source="Matrice 4 Series specifications, DJI (4/3, 84°, 24 mm equivalent)",
         assumed=(
-            "focal length (12.29 mm) and 3.3 µm pitch from what the images record"
-            " (12.29 mm, 3725 px), which gives 83°"
+            "focal length (12.29 mm) and 3.3 µm pitch from the tags of the images (12.29 mm, "
+            "3725 px), which gives 83°"
         ),
     ),
     "dji-mini-2": CameraPreset(
@@ -359,8 +368,8 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=3000,
         source="Mini 2 specifications, DJI (1/2.3-inch, 83°, 24 mm equivalent)",
         assumed=(
-            "sensor size is the nominal 1/2.3-inch area;"
-            " focal length from 83° diagonal field of view"
+            "sensor size is the nominal 1/2.3-inch area; focal length computed from the "
+            "diagonal field of view of 83°"
         ),
     ),
     "dji-mini-3-pro": CameraPreset(
@@ -376,8 +385,8 @@ CAMERAS: dict[str, CameraPreset] = {
             " in Theta-Limited/DroneModels, droneModels.json (2814 px, FC3582)"
         ),
         assumed=(
-            "sensor size is the nominal 1/1.3-inch area; the 12-megapixel image, as one of 48 takes longer"
-            " to store"
+            "sensor size is the nominal 1/1.3-inch area; the 12-megapixel mode is assumed, "
+            "because images of 48 megapixels take longer to store"
         ),
     ),
     "dji-mini-4-pro": CameraPreset(
@@ -393,8 +402,9 @@ CAMERAS: dict[str, CameraPreset] = {
             " in Theta-Limited/DroneModels, droneModels.json (3019 px, FC8482)"
         ),
         assumed=(
-            "sensor size is the nominal 1/1.3-inch area; the calibrated lens is 7 % narrower than the"
-            " 82.1° that DJI states; the 12-megapixel image, as one of 48 takes longer to store"
+            "sensor size is the nominal 1/1.3-inch area; the calibrated lens is 7 % narrower "
+            "than the 82.1° that DJI states; the 12-megapixel mode is assumed, because "
+            "images of 48 megapixels take longer to store"
         ),
     ),
     "dji-mini-5-pro": CameraPreset(
@@ -407,8 +417,9 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=3072,
         source="Mini 5 Pro specifications, DJI (1-inch, 84°, 24 mm equivalent)",
         assumed=(
-            "sensor size from 3.2 µm pitch of the 12-megapixel image, the usual one at 1 inch; focal length"
-            " from 84° diagonal field of view; unconfirmed"
+            "sensor size computed from the pixel pitch of 3.2 µm of the 12-megapixel image, "
+            "the usual one at 1 inch; focal length computed from the diagonal field of view "
+            "of 84°; unconfirmed"
         ),
     ),
     "dji-air-2s": CameraPreset(
@@ -421,8 +432,8 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=3648,
         source="Air 2S specifications, DJI (1-inch, 2.4 µm pixels, 88°, 22 mm equivalent)",
         assumed=(
-            "sensor size from 2.4 µm pitch; focal length from 88° diagonal field of view, rounded to"
-            " 0.1 mm"
+            "sensor size computed from the pixel pitch of 2.4 µm; focal length computed from "
+            "the diagonal field of view of 88°, rounded to 0.1 mm"
         ),
     ),
     "dji-air-3-wide": CameraPreset(
@@ -435,9 +446,10 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=3024,
         source="Air 3 specifications, DJI (1/1.3-inch, 82°, 24 mm equivalent)",
         assumed=(
-            "nominal data-sheet values; sensor size is the nominal 1/1.3-inch area; focal length"
-            " from the 24 mm equivalent and 82°, taken as that of the Zenmuse H30T wide camera; the"
-            " 12-megapixel image, as one of 48 takes longer to store"
+            "nominal data-sheet values; sensor size is the nominal 1/1.3-inch area; focal "
+            "length computed from the 24 mm equivalent and 82°, assumed to be that of the "
+            "Zenmuse H30T wide camera; the 12-megapixel mode is assumed, because images of "
+            "48 megapixels take longer to store"
         ),
     ),
     "dji-air-3s-wide": CameraPreset(
@@ -450,8 +462,9 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=3072,
         source="Air 3S specifications, DJI (1-inch, 84°, 24 mm equivalent)",
         assumed=(
-            "sensor size from 3.2 µm pitch of the 12-megapixel image, the usual one at 1 inch; focal length"
-            " from 84° diagonal field of view; unconfirmed"
+            "sensor size computed from the pixel pitch of 3.2 µm of the 12-megapixel image, "
+            "the usual one at 1 inch; focal length computed from the diagonal field of view "
+            "of 84°; unconfirmed"
         ),
     ),
     "dji-mavic-3-wide": CameraPreset(
@@ -467,8 +480,9 @@ CAMERAS: dict[str, CameraPreset] = {
             " Theta-Limited/DroneModels, droneModels.json (3880 px, L2D-20c)"
         ),
         assumed=(
-            "sensor size from 3.3 µm pitch, that of the Mavic 3E; the calibrated lens is 4 % narrower than"
-            " the 12.29 mm that images of the Mavic 3E record"
+            "sensor size computed from the pixel pitch of 3.3 µm, as for the Mavic 3E; the "
+            "calibrated lens is 4 % narrower than the 12.29 mm in the tags of images of the "
+            "Mavic 3E"
         ),
     ),
     "dji-mavic-4-pro-wide": CameraPreset(
@@ -481,8 +495,8 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=4096,
         source="Mavic 4 Pro specifications, DJI (4/3, 72°, 28 mm equivalent)",
         assumed=(
-            "sensor width of a 4/3 sensor; 25 megapixels of 3:2; focal length from 72° diagonal field of"
-            " view; all unconfirmed"
+            "sensor width of a 4/3 sensor; 25 megapixels of 3:2; focal length computed from "
+            "the diagonal field of view of 72°; all unconfirmed"
         ),
     ),
     "dji-mavic-2-pro": CameraPreset(
@@ -498,8 +512,9 @@ CAMERAS: dict[str, CameraPreset] = {
             " Theta-Limited/DroneModels, droneModels.json (4378 px, L1D-20c)"
         ),
         assumed=(
-            "sensor size from 2.4 µm pitch, that of the Phantom 4 Pro; the calibrated lens is 2 % narrower"
-            " than the 10.26 mm that the images record, and gives 74°"
+            "sensor size computed from the pixel pitch of 2.4 µm, as for the Phantom 4 Pro; "
+            "the calibrated lens is 2 % narrower than the 10.26 mm in the tags of the "
+            "images, and gives 74°"
         ),
     ),
     "dji-phantom-4-pro": CameraPreset(
@@ -511,10 +526,11 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=5472,
         image_height_px=3648,
         source=(
-            "Phantom 4 Pro specifications, DJI (1-inch, 8.8 mm, 84°, 24 mm equivalent); the images"
-            " record 3666.67 px"
+            "Phantom 4 Pro specifications, DJI (1-inch, 8.8 mm, 84°, 24 mm equivalent); the "
+            "tags of the images contain 3666.67 px"
         ),
-        assumed="sensor size from 2.4 µm pitch, which the recorded focal length in pixels implies",
+        assumed="sensor size computed from the pixel pitch of 2.4 µm, which the recorded focal "
+        "length in pixels implies",
     ),
     "dji-p1-35mm": CameraPreset(
         title="DJI Zenmuse P1, 35 mm lens",
@@ -529,8 +545,8 @@ CAMERAS: dict[str, CameraPreset] = {
             " calibration in Theta-Limited/DroneModels, droneModels.json (8233 px)"
         ),
         assumed=(
-            "nominal sensor size; the calibrated lens is 3 % narrower than the nominal 35 mm, and gives 62°"
-            " where DJI states 63.5°"
+            "nominal sensor size; the calibrated lens is 3 % narrower than the nominal 35 mm "
+            "and gives 62°, but DJI states 63.5°"
         ),
     ),
     # FLIR
@@ -547,8 +563,8 @@ CAMERAS: dict[str, CameraPreset] = {
             " JKU-ICG/AOS, CAM/Undistort.py (534 px, 9.07 mm)"
         ),
         assumed=(
-            "sensor size from 17 µm pitch; FLIR states 69° x 56°, with lens distortion, where"
-            " 9 mm gives 62° x 52°"
+            "sensor size computed from the pixel pitch of 17 µm; FLIR states 69° x 56° (with "
+            "lens distortion), but 9 mm gives 62° x 52°"
         ),
     ),
     "flir-vue-pro-640-13mm": CameraPreset(
@@ -560,7 +576,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=640,
         image_height_px=512,
         source="Vue Pro data sheet, FLIR Systems (13 mm, 45° x 37°)",
-        assumed="sensor size from 17 µm pitch",
+        assumed="sensor size computed from the pixel pitch of 17 µm",
     ),
     "flir-vue-pro-640-19mm": CameraPreset(
         title="FLIR Vue Pro 640, 19 mm lens",
@@ -571,7 +587,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=640,
         image_height_px=512,
         source="Vue Pro data sheet, FLIR Systems (19 mm, 32° x 26°)",
-        assumed="sensor size from 17 µm pitch",
+        assumed="sensor size computed from the pixel pitch of 17 µm",
     ),
     "flir-vue-pro-r-336-9mm": CameraPreset(
         title="FLIR Vue Pro R 336, 9 mm lens",
@@ -582,7 +598,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=336,
         image_height_px=256,
         source="Vue Pro R data sheet, FLIR Systems (9 mm, 35° x 27°)",
-        assumed="sensor size from 17 µm pitch; nominal data-sheet values",
+        assumed="sensor size computed from the pixel pitch of 17 µm; nominal data-sheet values",
     ),
     "flir-vue-pro-r-336-13mm": CameraPreset(
         title="FLIR Vue Pro R 336, 13 mm lens",
@@ -593,7 +609,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=336,
         image_height_px=256,
         source="Vue Pro R data sheet, FLIR Systems (13 mm, 25° x 19°)",
-        assumed="sensor size from 17 µm pitch; nominal data-sheet values",
+        assumed="sensor size computed from the pixel pitch of 17 µm; nominal data-sheet values",
     ),
     "flir-tau-2-640-13mm": CameraPreset(
         title="FLIR Tau 2 640, 13 mm lens",
@@ -604,7 +620,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=640,
         image_height_px=512,
         source="Tau 2 data sheet, FLIR Systems (13 mm, 45° x 37°)",
-        assumed="sensor size from 17 µm pitch; nominal data-sheet values",
+        assumed="sensor size computed from the pixel pitch of 17 µm; nominal data-sheet values",
     ),
     "flir-tau-2-640-19mm": CameraPreset(
         title="FLIR Tau 2 640, 19 mm lens",
@@ -615,7 +631,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=640,
         image_height_px=512,
         source="Tau 2 data sheet, FLIR Systems (19 mm, 32° x 26°)",
-        assumed="sensor size from 17 µm pitch; nominal data-sheet values",
+        assumed="sensor size computed from the pixel pitch of 17 µm; nominal data-sheet values",
     ),
     "flir-tau-2-640-25mm": CameraPreset(
         title="FLIR Tau 2 640, 25 mm lens",
@@ -626,7 +642,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=640,
         image_height_px=512,
         source="Tau 2 data sheet, FLIR Systems (25 mm, 25° x 20°)",
-        assumed="sensor size from 17 µm pitch; nominal data-sheet values",
+        assumed="sensor size computed from the pixel pitch of 17 µm; nominal data-sheet values",
     ),
     "flir-boson-640-13-6mm": CameraPreset(
         title="FLIR Boson 640, 13.6 mm lens",
@@ -640,7 +656,8 @@ CAMERAS: dict[str, CameraPreset] = {
             "Boson Thermal Imaging Core datasheet, 102-2013-40, FLIR Systems (32° horizontal);"
             " focal length as in Theta-Limited/DroneModels, droneModels.json (Boson 640, 13.6 mm)"
         ),
-        assumed="sensor size from 12 µm pitch; 32° is the nominal data-sheet value",
+        assumed="sensor size computed from the pixel pitch of 12 µm; 32° is the nominal data-sheet "
+        "value",
     ),
     "flir-boson-640-18mm": CameraPreset(
         title="FLIR Boson 640, 18 mm lens",
@@ -654,7 +671,7 @@ CAMERAS: dict[str, CameraPreset] = {
             "Boson Thermal Imaging Core datasheet, 102-2013-40, FLIR Systems"
             " (18 mm, 24° horizontal)"
         ),
-        assumed="sensor size from 12 µm pitch; nominal data-sheet values",
+        assumed="sensor size computed from the pixel pitch of 12 µm; nominal data-sheet values",
     ),
     "flir-boson-640-24mm": CameraPreset(
         title="FLIR Boson 640, 24 mm lens",
@@ -668,7 +685,7 @@ CAMERAS: dict[str, CameraPreset] = {
             "Boson Thermal Imaging Core datasheet, 102-2013-40, FLIR Systems"
             " (24 mm, 18° horizontal)"
         ),
-        assumed="sensor size from 12 µm pitch; nominal data-sheet values",
+        assumed="sensor size computed from the pixel pitch of 12 µm; nominal data-sheet values",
     ),
     # The AOS project's own cameras
     "aos-vue-pro-9mm": CameraPreset(
@@ -751,8 +768,8 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=3000,
         source="HERO8 Black digital lenses, GoPro (linear: 19 mm to 39 mm equivalent)",
         assumed=(
-            "sensor size is the nominal 1/2.3-inch area; focal length from the 19 mm equivalent"
-            " along the diagonal, for the corrected 4:3 photo at its widest"
+            "sensor size is the nominal 1/2.3-inch area; focal length computed from the 19 "
+            "mm equivalent along the diagonal, for the corrected 4:3 photo at its widest"
         ),
     ),
     "parrot-anafi-usa-thermal": CameraPreset(
@@ -767,7 +784,7 @@ CAMERAS: dict[str, CameraPreset] = {
             "ANAFI USA specifications, Parrot (FLIR Boson 320); focal length and sensor size as in"
             " Theta-Limited/DroneModels, droneModels.json"
         ),
-        assumed="sensor size from 12 µm pitch; nominal data-sheet values",
+        assumed="sensor size computed from the pixel pitch of 12 µm; nominal data-sheet values",
     ),
     "parrot-anafi-thermal": CameraPreset(
         title="Parrot Anafi Thermal, thermal camera",
@@ -782,9 +799,10 @@ CAMERAS: dict[str, CameraPreset] = {
             " FLIR Systems (57° horizontal)"
         ),
         assumed=(
-            "sensor size from 12 µm pitch; focal length from 57° horizontal field of view;"
-            " 160 x 120 is the thermal data, not the enlarged photo; nominal data-sheet values;"
-            " Theta-Limited/DroneModels gives the ANAFI USA's Boson 320, 4.3 mm, instead"
+            "sensor size computed from the pixel pitch of 12 µm; focal length computed from "
+            "the horizontal field of view of 57°; 160 x 120 is the thermal data, not the "
+            "enlarged photo; nominal data-sheet values; Theta-Limited/DroneModels gives the "
+            "ANAFI USA's Boson 320, 4.3 mm, instead"
         ),
     ),
     "autel-evo-2-dual-640t-thermal": CameraPreset(
@@ -799,7 +817,8 @@ CAMERAS: dict[str, CameraPreset] = {
             "EVO II Dual 640T specifications, Autel Robotics (13 mm, 33° x 26°); focal length and"
             " sensor size as in Theta-Limited/DroneModels, droneModels.json (XT709)"
         ),
-        assumed="sensor size from 12 µm pitch; field of view is the nominal data-sheet value",
+        assumed="sensor size computed from the pixel pitch of 12 µm; field of view is the nominal "
+        "data-sheet value",
     ),
     "autel-evo-max-4t-thermal": CameraPreset(
         title="Autel EVO Max 4T, thermal camera",
@@ -810,7 +829,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=640,
         image_height_px=512,
         source="EVO Max 4T specifications, Autel Robotics (13 mm, 42° diagonal)",
-        assumed="sensor size from 12 µm pitch; nominal data-sheet values",
+        assumed="sensor size computed from the pixel pitch of 12 µm; nominal data-sheet values",
     ),
     "autel-evo-max-4t-wide": CameraPreset(
         title="Autel EVO Max 4T, wide camera",
@@ -822,8 +841,9 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=6144,
         source="EVO Max 4T specifications, Autel Robotics (1/1.28-inch, 85° diagonal)",
         assumed=(
-            "sensor size from 1.22 µm pitch, the usual one for 50 megapixels at 1/1.28 inch;"
-            " focal length from 85° diagonal field of view; nominal data-sheet values"
+            "sensor size computed from the pixel pitch of 1.22 µm, the usual one for 50 "
+            "megapixels at 1/1.28 inch; focal length computed from the diagonal field of "
+            "view of 85°; nominal data-sheet values"
         ),
     ),
 }

@@ -192,7 +192,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
             raise
         return _report(
             f"unexpected {type(error).__name__}: {error}",
-            "this is an error in aosplan: please report it with the command line; "
+            "this is an error in aosplan; please report it together with the command line; "
             "AOSPLAN_DEBUG=1 prints the traceback",
             1,
         )

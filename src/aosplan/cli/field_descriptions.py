@@ -418,7 +418,8 @@ FIELD_DESCRIPTIONS = {
     "GroupDocument.last": "The last value of a range.",
     "others": "Results of all other values.",
     "GroupDocument.rows": "Number of kept rows.",
-    "met": "Number of kept rows with a plan. If samples and baseline are given, plans below the target are included.",
+    "met": "Number of kept rows with a plan. If samples and baseline are given, plans below the "
+    "target are included.",
     "met_share": "Share of the kept rows that have a plan.",
     "GroupDocument.best": "The best value of the objective.",
     "approximate_median": "Approximate median of the objective. Its relative error is at most `median_error`.",

@@ -83,11 +83,11 @@ def run(
     choice = view_subset_of(pitch, aperture, views)
     reference = None if compare is None else read_view_subset(compare, "--compare")
     if not (out or anomalies or hot_spots) and reference is None:
-        raise RequestError("no output is requested", "give --out integral.png, or --compare all")
+        raise RequestError("no output is requested", "give --out integral.png or --compare all")
     height_m = None if focal_height is None else _place(focal_height, "--focal-height")
     heights, height_m = search_of(focus, height_m, focal_surface)
     if focus is None and (align is not None or focus_figure is not None):
-        raise RequestError("--align and --focus-figure need --focus", "--focus auto")
+        raise RequestError("--align and --focus-figure need --focus", "give --focus auto")
     check_figure(focus_figure)
     looks = IntegralDisplay(
         stretch=stretch,
@@ -180,7 +180,8 @@ def _extent(text: str | None) -> str | list[float]:
     parts = text.split(",")
     if len(parts) != 4:
         raise RequestError(
-            f"--extent '{text}' is not XMIN,YMIN,XMAX,YMAX", f"or one of {', '.join(EXTENTS)}"
+            f"--extent '{text}' is not XMIN,YMIN,XMAX,YMAX",
+            f"give XMIN,YMIN,XMAX,YMAX or one of {', '.join(EXTENTS)}",
         )
     return [_place(part, "--extent") for part in parts]
 
@@ -193,7 +194,7 @@ def _place(text: str, name: str) -> float:
 
     place = number(text, name, "m")
     if abs(place) > FARTHEST_M:
-        raise RequestError(f"{name} {place:g} is farther than {FARTHEST_M:g} m")
+        raise RequestError(f"{name} {place:g} is more than {FARTHEST_M:g} m from the origin")
     return place
 
 

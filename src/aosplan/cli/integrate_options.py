@@ -76,8 +76,8 @@ def integrate_options() -> list[Any]:
         text_option(
             "--compare",
             "CHOICE",
-            "Print the similarity (SSIM) to the integral of another choice of photos: all, or "
-            "pitch=M, aperture=M, views=LIST.",
+            "Print the similarity (SSIM) to the integral of another choice of photos: give "
+            "all, or a part such as pitch=M, aperture=M, views=LIST.",
             choice,
         ),
         text_option(

@@ -36,12 +36,14 @@ def check_outputs(out: tuple[str, ...], others: list[str], *, stacked: bool, for
     for path in out:
         if path.lower().endswith(".gif") and not stacked:
             raise RequestError(
-                f"--out '{path}' is an animation, which needs several heights", "--stack 0..20:2"
+                f"--out '{path}' is an animation, which needs several heights (--stack)",
+                "give --stack 0..20:2",
             )
         if not path.lower().endswith((*ENDINGS, ".gif")):
             raise RequestError(
                 f"--out '{path}' does not end in {', '.join(ENDINGS)}",
-                ".png to look at, .tif with the values, .npz with everything",
+                "write .png to look at, .tif with the values, or .npz with the number of "
+                "photos as well",
             )
     for path in others:
         ending = os.path.splitext(path)[1].lower()
@@ -208,6 +210,6 @@ def figure_bytes(path: str, found: Focus) -> bytes:
     from aosplan.show.figures.focus_curve import FocusCurve
 
     kind = FigureKind(
-        "focus", "how well halves of the views agree", "recording", "focus_curve", 0.55
+        "focus", "agreement between halves of the photos", "recording", "focus_curve", 0.55
     )
     return rendered(kind, FocusCurve.of(found.document()), form_of(path))

@@ -29,7 +29,7 @@ def print_json(document: Any) -> None:
         text = json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1)
     except ValueError:
         raise RequestError(
-            "a result is too large for a number", "some input is too large"
+            "a result of the plan is too large for a number in JSON", "an input value is too large"
         ) from None
     sys.stdout.buffer.write(text.encode() + b"\n")
     sys.stdout.buffer.flush()
@@ -55,7 +55,7 @@ def chosen_outputs(
     """
     if name is not None and len(outputs) != 1:
         raise RequestError(
-            f"--format {name} needs a single --out", "write NAME:PATH if there are several"
+            f"--format {name} needs a single --out", "for several outputs, write --out NAME:PATH"
         )
     if not outputs:
         return []
@@ -87,7 +87,7 @@ def writes_stdout(paths: Iterable[str | None], *, as_json: bool) -> bool:
     """
     found = "-" in paths
     if found and as_json:
-        raise RequestError("--json and an output - both write to stdout", "give one of them")
+        raise RequestError("--json and --out - both write to stdout", "give one of them")
     return found
 
 
@@ -121,7 +121,7 @@ def write_outputs(
         for name in needed:
             if name in contents:
                 raise RequestError(
-                    f"output '{name}' would be written twice", "give them different names"
+                    f"two outputs have the name '{name}'", "give them different names"
                 )
         contents |= needed
         hints += notes(flown, form)
@@ -130,8 +130,8 @@ def write_outputs(
             hints.append(f"{form.title} needs {len(needed)} files here: {first} to {last}")
             if len(needed) > len(flown):
                 hints.append(
-                    "one flight needs several of these files: the drone returns home after each, "
-                    "which the planned time does not include"
+                    "one flight needs several of these files; the drone returns home after "
+                    "each file, and the planned time does not include these returns"
                 )
             hints += _leftovers(path, len(needed))
     write_all(contents, force=force)

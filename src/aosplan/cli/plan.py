@@ -125,7 +125,9 @@ def _check_map(path: str | None, poa: str | None, others: list[str], *, force: b
     """Refuse a detection map that cannot be written, before any work is done."""
     if path is None:
         if poa is not None:
-            raise RequestError("--poa without --detection-map", "give --detection-map POD.tif too")
+            raise RequestError(
+                "--poa is given without --detection-map", "give --detection-map POD.tif too"
+            )
         return
     from importlib.util import find_spec
 
@@ -135,7 +137,9 @@ def _check_map(path: str | None, poa: str | None, others: list[str], *, force: b
     if poa is not None:
         check_input(poa)
     if path != "-" and not path.lower().endswith((".tif", ".tiff")):
-        raise RequestError(f"detection map '{path}' does not end in .tif", "it is a GeoTIFF")
+        raise RequestError(
+            f"detection map '{path}' does not end in .tif", "write a GeoTIFF, such as pod.tif"
+        )
     check_output(path, force=force)
     if os.path.realpath(path) in map(os.path.realpath, others):
         raise RequestError(f"output '{path}' is given twice")
@@ -165,7 +169,9 @@ def _check_report(path: str, others: list[str], *, seed: int | None, force: bool
     from aosplan.show.page.page import SUFFIXES, check_extra
 
     if path != "-" and not path.lower().endswith(SUFFIXES):
-        raise RequestError(f"report '{path}' does not end in .html", "a report is a page")
+        raise RequestError(
+            f"report '{path}' does not end in .html", "write an HTML page, such as plan.html"
+        )
     check_output(path, force=force)
     if os.path.realpath(path) in map(os.path.realpath, others):
         raise RequestError(f"output '{path}' is given twice")

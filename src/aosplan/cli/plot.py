@@ -148,7 +148,7 @@ def _of_scene(
         given, folder = read_request(file) | given, os.path.dirname(file)
     elif file is not None:
         if "scene" in given:
-            raise RequestError(f"'{file}' and --scene {given['scene']}", "give one scene")
+            raise RequestError(f"'{file}' and --scene {given['scene']}", "give a single scene")
         given["scene"] = file
     if not given:
         raise RequestError("no scene is given", "give a point cloud, a scene file or a preset")
@@ -180,7 +180,9 @@ def _of_results(file: str | None, flags: dict[str, Any], choice: ColumnChoice) -
 
     _check_unused(flags, "the results of a sweep")
     if file is None:
-        raise RequestError("no results are given", "give the file that aosplan sweep --out wrote")
+        raise RequestError(
+            "no results of a sweep are given", "give the file that aosplan sweep --out wrote"
+        )
     return results_of(file, choice)
 
 

@@ -106,7 +106,7 @@ def _check_maps(paths: list[str], others: list[str], *, area: bool, force: bool)
         if not path.lower().endswith(MAP_SUFFIXES):
             raise RequestError(
                 f"coverage map '{path}' does not end in .tif, .geojson or .svg",
-                "a raster ends in .tif, the gaps in .geojson, a picture in .svg",
+                "write .tif for a raster, .geojson for the gaps, or .svg for a picture",
             )
         check_output(path, force=force)
     check_apart([*paths, *others])

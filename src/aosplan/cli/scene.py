@@ -52,7 +52,9 @@ def run(
     print_warnings(loaded.warnings, quiet=quiet)
     if loaded.from_cache and not quiet:
         print_notice(
-            "note", "taken from the cache of an earlier run; AOSPLAN_CACHE=0 reads the file again"
+            "note",
+            "the voxels come from the cache of an earlier run; AOSPLAN_CACHE=0 reads the "
+            "file again",
         )
     write_all({path: scene_bytes(loaded, table, path) for path in saved}, force=force)
     document = statistics_document(loaded.scene, loaded.warnings, loaded.volume, table)

@@ -14,7 +14,10 @@ def run(*, word: str | None, as_json: bool) -> None:
     if word is not None:
         found = {name: SCENES[name] for name in scenes_by_word(word)}
         if not found:
-            raise RequestError(f"no scene is about '{word}'", "aosplan scenes lists all of them")
+            raise RequestError(
+                f"no built-in scene is of the species or type '{word}'",
+                "aosplan scenes lists all scenes",
+            )
     if as_json:
         print_json([{"name": name, **preset._asdict()} for name, preset in found.items()])
         return

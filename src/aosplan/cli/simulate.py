@@ -51,7 +51,8 @@ def run(
     chosen = _settings(wanted, seed, precision, forest, occluders, max_targets)
     if wanted.find is not None and chosen.forest == "noise":
         raise RequestError(
-            "--forest noise has no ground for targets", "leave out --find, or --forest"
+            "--forest noise has no ground on which targets could lie",
+            "leave out --find or --forest noise",
         )
     outputs = _outputs(picture, occlusion_map, force=force)
     with progress_bar(quiet=quiet) as bar:
@@ -178,7 +179,7 @@ def _say_imprecise(simulation: Simulation) -> None:
             Message(
                 "imprecise",
                 f"the standard errors are still above {simulation.settings.precision:g} "
-                f"after {simulation.targets} targets, the limit of this simulation; give a "
+                f"after {simulation.targets} targets, at which the simulation stops; give a "
                 "larger --max-targets",
             )
         ]

@@ -78,7 +78,9 @@ def run(
     sampled = verify_options(simulate, seed, precision)
     told = summary or sampled is not None
     if as_json and not told:
-        raise RequestError("--json without --summary or --simulate", "give one of them too")
+        raise RequestError(
+            "--json is given without --summary or --simulate", "give one of these options as well"
+        )
     if out is not None:
         _check_out(out, best, resume=resume, force=force)
     elif not told or plot is not None or scheduler is not None:
@@ -88,11 +90,12 @@ def run(
         )
     if scheduler is not None and workers is not None:
         raise RequestError(
-            "--scheduler and --workers contradict each other", "a cluster has its own workers"
+            "--scheduler and --workers contradict each other",
+            "leave --workers out, because a cluster has its own workers",
         )
     if per and best is None:
         raise RequestError(
-            "--per without --best", "give --best COLUMN, which decides which row is kept"
+            "--per is given without --best", "give --best COLUMN, which decides which row is kept"
         )
     scenarios = read_scenarios(file)
     own = find_defaults(defaults)
@@ -103,7 +106,8 @@ def run(
     if scenarios.rows > MOST_SCENARIOS and not yes:
         raise RequestError(
             f"'{file}' has {scenarios.rows} scenarios, more than {MOST_SCENARIOS}",
-            "leave values out, or give --yes; --where and --best keep the result small",
+            "leave values out, or give --yes for so many scenarios; --where and --best make "
+            "the result smaller",
         )
     sweep = Sweep(
         scenarios,
@@ -149,13 +153,14 @@ def _check_out(out: str, best: str | None, *, resume: bool, force: bool) -> None
         check_folder(out, resume=resume, force=force)
         if best is not None:
             raise RequestError(
-                "--best keeps rows of the whole sweep, but a folder has a file for each part",
+                "--best cannot be used with a folder, because a folder has one file for each "
+                "part of the sweep",
                 "give one file: --out best.parquet",
             )
     elif os.path.splitext(out)[1].lower() not in SUFFIXES:
         raise RequestError(
             f"output '{out}' does not have one of the extensions {', '.join(SUFFIXES)}",
-            f"{out}/ is a folder of Parquet files",
+            f"for a folder of Parquet files, write {out}/",
         )
     else:
         check_output(out, force=force)

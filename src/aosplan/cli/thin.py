@@ -39,7 +39,7 @@ def run(
     from aosplan.units import one_of, whole
 
     if samples is None:
-        raise RequestError("--samples N is needed", "N is the number of views to keep")
+        raise RequestError("--samples N is needed", "N is the number of photos to select")
     count = whole(samples, "--samples")
     wanted = request_of(request, flags, defaults=defaults)
     if out is not None:

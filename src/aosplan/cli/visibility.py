@@ -35,12 +35,14 @@ def run(
     if positions is not None:
         if samples is not None or grid is not None or dhat is not None:
             raise RequestError(
-                "--positions has its own samples and distances", "give it with --spacing M alone"
+                "--positions already determines the samples and their distances",
+                "give --positions only together with --spacing M",
             )
         if spacing is None:
             raise RequestError(
                 "--positions needs --spacing M",
-                "the offset at which an occluder has moved by its own size: o h/H",
+                "this is the distance between two positions at which an occluder moves by "
+                "its own size: o h/H",
             )
         turned = 0.0 if heading is None else q.number(heading, "--heading", "deg")
         count, shortfall = _positions(positions, q.positive(spacing, "--spacing", "m"), turned)
@@ -50,7 +52,9 @@ def run(
             if value is not None:
                 raise RequestError(f"{name} needs --positions")
         if dhat is None:
-            raise RequestError("--dhat X is needed", "d̂ = 1 is the optimal baseline")
+            raise RequestError(
+                "--dhat X is needed", "with d̂ = 1, neighbouring samples share no occluder"
+            )
         unit = q.at_least_zero(dhat, "--dhat")
         count, shortfall = _lattice(samples, grid, unit)
     numbers = prediction_document(Prediction(p, t, shortfall))
@@ -105,7 +109,7 @@ def _lattice(samples: str | None, grid: str | None, dhat: float) -> tuple[int, f
     if (samples is None) == (grid is None):
         raise RequestError(
             "exactly one of --samples and --grid is needed",
-            "--samples N is the trimmed grid of N sites, --grid 7x8 a whole rectangle",
+            "--samples N is a trimmed grid of N sites; --grid 7x8 is a complete rectangle",
         )
     if grid is not None:
         parts = grid.lower().replace("×", "x").split("x")

@@ -105,9 +105,9 @@ def _shorter(
     ways = there + home.way_s(track, part.last, timing, back=True)
     level = max(home.level_m(track, part.first), home.level_m(track, part.last))
     hint = (
-        f"the way there and back takes {ways / 60.0:.3g} min of this, over up to "
-        f"{level:.0f} m each at {timing.transit.speed_mps:.3g} m/s: take off "
-        "nearer, or give a faster --transit-speed or a longer --flight-time"
+        f"{ways / 60.0:.3g} min of this time are for the path from the take-off and back (up "
+        f"to {level:.0f} m each) at {timing.transit.speed_mps:.3g} m/s; take off nearer, or "
+        "give a faster --transit-speed or a longer --flight-time"
     )
     if not timing.fly_through:
         return hint
@@ -115,9 +115,9 @@ def _shorter(
     left_m = (longest_s - ways) * timing.speed_mps - timing.speed_mps**2 / timing.acceleration_mps2
     shorter = f", lines of at most {left_m:.0f} m" if left_m > 0.0 else ""
     return (
-        f"{hint}; the line of {length:.0f} m at {timing.speed_mps:.3g} m/s takes "
-        f"the rest: give a faster --speed or a shorter --photo-interval{shorter} "
-        "(a narrower --area, another --heading), or --trigger stop"
+        f"{hint}; the line of {length:.0f} m at {timing.speed_mps:.3g} m/s takes the rest of "
+        f"the time; give a faster --speed or a shorter --photo-interval{shorter} (a narrower "
+        "--area, another --heading), or --trigger stop"
     )
 
 
@@ -164,9 +164,9 @@ def flights_of(
     if landed[worst] - begun[worst] > longest_s:
         what = "line" if timing.fly_through else "site"
         raise InfeasibleError(
-            f"a flight to a single {what}, at waypoint {parts[worst].first}, and back "
-            f"takes {(landed[worst] - begun[worst]) / 60.0:.4g} min, more than "
-            f"--flight-time {longest_s / 60.0:.4g}",
+            f"the flight to a single {what} (at waypoint {parts[worst].first}) and back "
+            f"takes {(landed[worst] - begun[worst]) / 60.0:.4g} min, more than --flight-time "
+            f"{longest_s / 60.0:.4g}",
             _shorter(track, timing, home, parts[worst], longest_s),
         )
     firsts = [0]

@@ -126,7 +126,7 @@ DRONES: dict[str, DronePreset] = {
         photo_interval_s=2.0,
         mission_formats=("kmz",),
         source=f"Matrice 3D Series specifications, DJI (normal mode); {_WPML}",
-        assumed=f"{_CRUISE}; speeds unconfirmed; photo interval that of the Mavic 3T",
+        assumed=f"{_CRUISE}; speeds unconfirmed; photo interval as for the Mavic 3T",
     ),
     "dji-m30": DronePreset(
         title="DJI Matrice 30",
@@ -140,7 +140,7 @@ DRONES: dict[str, DronePreset] = {
         photo_interval_s=2.0,
         mission_formats=("kmz",),
         source=f"Matrice 30 Series specifications, DJI (climb 6, descent 5 m/s; timed photos from 2 s); {_WPML}",
-        assumed=f"{_CRUISE}; wide camera that of the 30T",
+        assumed=f"{_CRUISE}; wide camera as for the 30T",
     ),
     "dji-m30t": DronePreset(
         title="DJI Matrice 30T",
@@ -154,7 +154,7 @@ DRONES: dict[str, DronePreset] = {
         photo_interval_s=2.0,
         mission_formats=("kmz",),
         source=f"Matrice 30 Series specifications, DJI (climb 6, descent 5 m/s; timed photos from 2 s); {_WPML}",
-        assumed=f"{_CRUISE}; photo interval that of the wide camera",
+        assumed=f"{_CRUISE}; photo interval as for the wide camera",
     ),
     "dji-m300": DronePreset(
         title="DJI Matrice 300 RTK with Zenmuse H20T",
@@ -171,7 +171,8 @@ DRONES: dict[str, DronePreset] = {
             "Matrice 300 RTK specifications, DJI (positioning mode: 17 m/s, climb 5, descent 3 m/s;"
             f" 55 min without payload); {_WPML}"
         ),
-        assumed=f"{_CRUISE}; speeds unconfirmed; flight time with the camera; photo interval that of the Mavic 3T",
+        assumed=f"{_CRUISE}; speeds unconfirmed; flight time with the camera; photo interval as for "
+        "the Mavic 3T",
     ),
     "dji-m350": DronePreset(
         title="DJI Matrice 350 RTK with Zenmuse H30T",
@@ -188,7 +189,8 @@ DRONES: dict[str, DronePreset] = {
             "Matrice 350 RTK specifications, DJI (climb 6, descent 5 m/s; 55 min without payload);"
             f" {_WPML}"
         ),
-        assumed=f"{_CRUISE}; climb unconfirmed; flight time with the camera; photo interval that of the Mavic 3T",
+        assumed=f"{_CRUISE}; climb unconfirmed; flight time with the camera; photo interval as for "
+        "the Mavic 3T",
     ),
     "dji-m400": DronePreset(
         title="DJI Matrice 400 with Zenmuse H30T",
@@ -205,7 +207,8 @@ DRONES: dict[str, DronePreset] = {
             "Matrice 400 specifications, DJI (climb 10, descent 8 m/s; 59 min of forward flight"
             f" without payload); {_WPML}"
         ),
-        assumed=f"{_CRUISE}; speeds unconfirmed; flight time with the camera; photo interval that of the Mavic 3T",
+        assumed=f"{_CRUISE}; speeds unconfirmed; flight time with the camera; photo interval as for "
+        "the Mavic 3T",
     ),
     "dji-m4t": DronePreset(
         title="DJI Matrice 4T",
@@ -294,7 +297,7 @@ DRONES: dict[str, DronePreset] = {
             "Mini 3 Pro specifications, DJI (normal mode); DJI Fly has no waypoint missions for it,"
             f" Litchi Pilot flies it (YLabs-FPV/YMapper, README); {_SDK}"
         ),
-        assumed=f"{_CRUISE}; that Litchi Pilot, a beta, takes Litchi's CSV unchanged",
+        assumed=f"{_CRUISE}; Litchi Pilot (a beta version) is assumed to read Litchi's CSV",
     ),
     "dji-mini-4-pro": DronePreset(
         title="DJI Mini 4 Pro",
@@ -377,8 +380,9 @@ DRONES: dict[str, DronePreset] = {
         camera="dji-mavic-3-wide",
         photo_interval_s=2.0,
         mission_formats=("dji-fly",),
-        source=f"Mavic 3 Pro specifications, DJI (normal mode); {_FLY}, as it flies the Mavic 3",
-        assumed=f"{_CRUISE}; speeds, photo interval and waypoint missions unconfirmed; camera that of the Mavic 3",
+        source=f"Mavic 3 Pro specifications, DJI (normal mode); {_FLY}, as for the Mavic 3",
+        assumed=f"{_CRUISE}; speeds, photo interval and waypoint missions unconfirmed; camera as for "
+        "the Mavic 3",
     ),
     "dji-mavic-4-pro": DronePreset(
         title="DJI Mavic 4 Pro",
@@ -434,7 +438,8 @@ DRONES: dict[str, DronePreset] = {
         photo_interval_s=2.0,
         mission_formats=("litchi",),
         source=f"Mavic 2 Pro specifications, DJI (climb 4, descent 3 m/s outside sport mode); {_SDK}",
-        assumed=f"{_CRUISE}; climb unconfirmed; speed that of the Phantom 4 Pro; photo interval: the shortest of its timed photos",
+        assumed=f"{_CRUISE}; climb unconfirmed; speed as for the Phantom 4 Pro; photo interval: the "
+        "shortest of its timed photos",
     ),
     "autel-evo-2-dual-640t": DronePreset(
         title="Autel EVO II Dual 640T",
@@ -466,7 +471,7 @@ DRONES: dict[str, DronePreset] = {
             "EVO Max 4T specifications, Autel Robotics (climb 8, descent 6 m/s); waypoints and flight"
             " time: Autel Payload SDK documentation (2 to 65,535; 42 min)"
         ),
-        assumed=f"{_CRUISE}; speeds unconfirmed; photo interval that of the EVO II",
+        assumed=f"{_CRUISE}; speeds unconfirmed; photo interval as for the EVO II",
         autopilot="autel",
     ),
     "autel-evo-max-4n": DronePreset(
@@ -484,7 +489,8 @@ DRONES: dict[str, DronePreset] = {
             "waypoints and flight time of the EVO Max series: Autel Payload SDK documentation (2 to"
             " 65,535; 42 min); other values as the EVO Max 4T"
         ),
-        assumed=f"{_CRUISE}; speeds unconfirmed, those of the EVO Max 4T; photo interval that of the EVO II",
+        assumed=f"{_CRUISE}; speeds unconfirmed, as for the EVO Max 4T; photo interval as for the "
+        "EVO II",
         autopilot="autel",
     ),
     "parrot-anafi-usa": DronePreset(
@@ -518,7 +524,7 @@ DRONES: dict[str, DronePreset] = {
         autopilot="parrot",
     ),
     "ardupilot-copter": DronePreset(
-        title="ArduCopter, any frame with the parameters it comes with",
+        title="ArduCopter, any frame with default parameters",
         speed_mps=10.0,
         acceleration_mps2=2.5,
         climb_mps=1.5,
@@ -536,7 +542,7 @@ DRONES: dict[str, DronePreset] = {
         autopilot="ardupilot",
     ),
     "px4-multicopter": DronePreset(
-        title="PX4, any multicopter with the parameters it comes with",
+        title="PX4, any multicopter with default parameters",
         speed_mps=5.0,
         acceleration_mps2=3.0,
         climb_mps=1.5,
@@ -550,7 +556,7 @@ DRONES: dict[str, DronePreset] = {
             "PX4, MPC_XY_CRUISE 5 m/s, MPC_ACC_HOR 3 m/s², MPC_Z_V_AUTO_UP 3 and MPC_Z_V_AUTO_DN"
             " 1.5 m/s, MPC_XY_VEL_MAX 12 m/s"
         ),
-        assumed="the fastest commanded speed taken for the fastest airspeed",
+        assumed="the largest commanded speed is assumed to be the largest airspeed",
         autopilot="px4",
     ),
 }

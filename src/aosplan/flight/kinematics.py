@@ -131,7 +131,7 @@ class Timing(NamedTuple):
             raise InfeasibleError(
                 f"wind of {math.hypot(*self.wind):.4g} m/s is too strong for a drone with "
                 f"an airspeed of {self.airspeed_mps:.4g} m/s",
-                "wait for less wind, or give the --airspeed of the drone",
+                "wait for less wind, or give the --airspeed that the drone can reach",
             )
         return min(self.speed_mps, fastest)
 

@@ -127,7 +127,7 @@ class Terrain:
         unit.
         """
         if self._raster.dtypes[0].startswith("complex"):
-            raise RequestError(f"terrain '{self.path}' holds complex numbers, not heights")
+            raise RequestError(f"terrain '{self.path}' contains complex numbers instead of heights")
         if units is not None:
             return unit_m(units) or 1.0
         stated = Units(
@@ -198,7 +198,7 @@ class Terrain:
         lon: NDArray[Any],
         where: NDArray[Any],
         hint: str = (
-            "use a file without holes that covers the sites, the paths between them "
+            "use a file without holes that covers the sites, the paths between the sites, "
             "and the take-off"
         ),
     ) -> None:
@@ -252,7 +252,7 @@ def raise_unplaced(path: str) -> NoReturn:
     """Refuse a raster that has no coordinate reference system."""
     raise RequestError(
         f"terrain '{path}' has no coordinate reference system",
-        "give it a coordinate system: gdal_edit.py -a_srs EPSG:CODE FILE",
+        "add a coordinate system with gdal_edit.py -a_srs EPSG:CODE FILE",
     )
 
 

@@ -123,8 +123,8 @@ class DetectionMap(NamedTuple):
             yield Message(
                 "canopy_unknown",
                 "the scene does not contain the canopy above "
-                f"{1.0 - self.canopy.known_share:.0%} of the mapped ground; the mean of "
-                "the scene is used there",
+                f"{1.0 - self.canopy.known_share:.0%} of the mapped ground; the mean canopy "
+                "of the scene is used there",
             )
 
 

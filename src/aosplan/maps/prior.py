@@ -45,7 +45,7 @@ def success_of(found: DetectionMap, path: str) -> SearchSuccess:
     """
     from aosplan.geodesy import local_crs
 
-    with needs_extra("reading a prior from a GeoTIFF", "raster"):
+    with needs_extra("reading the raster of --poa", "raster"):
         import rasterio
         from rasterio.errors import NotGeoreferencedWarning, RasterioError
     from aosplan.crs import crs_of_wkt, transformer
@@ -92,17 +92,19 @@ def _values(raster: Any, path: str) -> Floats:
         )
     if raster.width * raster.height > MOST_PIXELS:
         raise RequestError(
-            f"raster {path} has {raster.width} x {raster.height} pixels: too many to read",
+            f"raster {path} has {raster.width} x {raster.height} pixels, which are too many "
+            "to read",
             "crop it to the search area, or use larger pixels",
         )
     values = raster.read(1, masked=True).astype(np.float64).filled(0.0)
     values = np.nan_to_num(values, nan=0.0)
     least, total = float(values.min()), float(values.sum())
     if least < 0.0 or not np.isfinite(total):
-        raise RequestError(f"raster {path} holds {least:g}, which is not a probability")
+        raise RequestError(f"raster {path} contains {least:g}, which is not a probability")
     if total == 0.0:
         raise RequestError(
-            f"raster {path} is zero everywhere, so the target is not expected at any place"
+            f"raster {path} is zero everywhere, so there is no place at which the target is "
+            "expected"
         )
     shares: Floats = values / total
     return shares

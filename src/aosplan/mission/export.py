@@ -71,7 +71,7 @@ def choose_format(path: str, name: str | None = None) -> tuple[Format, str]:
             raise RequestError(f"output '{path}' and --format {name} contradict each other")
         name, path = prefix, rest
     if not path:
-        raise RequestError("output '' is not a file name")
+        raise RequestError("the name of an output file is empty")
     if name is not None:
         known |= {} if name in known else _added(name)
         if name not in known:
@@ -87,9 +87,13 @@ def choose_format(path: str, name: str | None = None) -> tuple[Format, str]:
         if suffix in added.FORMAT.suffixes:
             return _format_of(added), path
     if path == "-":
-        raise RequestError("output '-' (stdout) has no extension", "give its --format, or NAME:-")
+        raise RequestError(
+            "output '-' (stdout) has no extension", "give --format NAME, or --out NAME:-"
+        )
     hint = (
-        f"for a page about the plan, give --report {path}" if suffix == ".html" else _listing(known)
+        f"to write a page about the plan, give --report {path}"
+        if suffix == ".html"
+        else _listing(known)
     )
     raise RequestError(f"output '{path}': no format has the extension '{suffix}'", hint)
 
@@ -114,10 +118,10 @@ def render(mission: Mission, chosen: Format) -> bytes:
         own = [form for form in formats().values() if autopilot in form.flown_by]
         whose = f"the drone {mission.settings.drone}" if mission.settings.drone else autopilot
         raise RequestError(
-            f"{chosen.title} is not for {whose}",
-            f"it takes {' or '.join(f'{form.title} ({form.written_as})' for form in own)}"
+            f"the format {chosen.title} is not for {whose}",
+            f"write {' or '.join(f'{form.title} ({form.written_as})' for form in own)}"
             if own
-            else "no mission format supports it: write KML, GeoJSON or CSV",
+            else "no mission format is for this autopilot; write KML, GeoJSON or CSV",
         )
     write: Callable[[Mission], bytes] = _module(chosen.name).render
     return write(mission)
@@ -149,8 +153,9 @@ def mission_files(missions: Iterable[Mission], chosen: Format, path: str) -> dic
         return {path: render(pieces[0], chosen)}
     if path == "-":
         raise RequestError(
-            f"the mission needs {len(pieces)} {chosen.title} files, but stdout takes only one",
-            "write to a file; the files are then numbered",
+            f"the mission needs {len(pieces)} {chosen.title} files, but only one file can be "
+            "written to stdout",
+            "give a file name, to which numbers are added",
         )
     stem, suffix = os.path.splitext(path)
     return {

@@ -58,14 +58,14 @@ def check_flown(mission: Mission, chosen: Format) -> None:
         )
     if settings.trigger not in chosen.triggers:
         raise RequestError(
-            f"{chosen.title} does not support photos by {settings.trigger}: the drone "
-            "stops for each photo",
+            f"{chosen.title} does not support --trigger {settings.trigger}, because the "
+            "drone stops for each photo",
             f"give --trigger {chosen.triggers[0]}",
         )
     if settings.altitude_frame == "terrain" and "ground" not in chosen.altitudes:
         raise RequestError(
             f"{chosen.title} does not support heights above terrain",
-            "plan heights above the take-off",
+            "give --altitude-frame takeoff",
         )
 
 
@@ -139,7 +139,7 @@ def _check_settings(
         _check([settings.hold_s], limits.hold_s, "hold", "s", chosen, "give a shorter --hold")
     if limits.height_m != (None, None):
         heights = [point.height_m for point in path]
-        hint = "its heights are above the take-off"
+        hint = "the heights in this format are above the take-off"
         _check([min(heights), max(heights)], limits.height_m, "height", "m", chosen, hint)
 
 
@@ -175,6 +175,6 @@ def _check_legs(path: Sequence[PathPoint], chosen: Format, limits: Limits) -> No
         if not shortest <= leg <= (math.inf if longest is None else longest):
             raise RequestError(
                 f"waypoints {index} and {index + 1} are {leg:.4g} m apart: {chosen.title} "
-                f"allows legs of {shortest:g} to {longest:g} m",
+                f"allows distances of {shortest:g} to {longest:g} m",
                 "give another --baseline, or write another format",
             )

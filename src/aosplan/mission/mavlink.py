@@ -141,25 +141,29 @@ def mavlink_notes(missions: Sequence[Mission], autopilot: str) -> list[str]:
     """Notes on the absolute heights in the files and on settings that only the autopilot has."""
     settings = missions[0].settings
     if settings.takeoff_ground_m is None:
-        home = "the height of home above sea level is not known and written as 0"
+        home = (
+            "the height of the home position above sea level is not known, so the file contains 0"
+        )
     else:
         home = (
-            f"the height of home is written as {settings.takeoff_ground_m:.1f} m, above "
-            f"{settings.height_datum or 'the datum of the terrain file'}, where the file means sea level"
+            "the file contains the height of the home position as "
+            f"{settings.takeoff_ground_m:.1f} m, above "
+            f"{settings.height_datum or 'the datum of the terrain file'}, although the "
+            "format expects the height above sea level"
         )
     found = [f"{home}; the autopilot measures it at take-off, and all other heights are above it"]
     if autopilot == "px4" and (
         settings.trigger == "distance" or settings.camera_control == "outputs"
     ):
         found.append(
-            "PX4's own camera trigger takes the photos: set its parameters TRIG_MODE (4, distance on "
-            "command) and TRIG_INTERFACE as the camera is wired"
+            "PX4's camera trigger takes the photos: set its parameter TRIG_MODE to 4 "
+            "(distance, on command), and TRIG_INTERFACE to the interface of the camera"
         )
     longest_m = max(map(_longest_leg_m, missions))
     if autopilot == "px4" and longest_m > PX4_LEG_M:
         found.append(
-            f"PX4 may reject legs of {longest_m:.0f} m: its parameters MIS_DIST_WPS and MIS_DIST_1WP are "
-            f"{PX4_LEG_M:.0f} m in many versions"
+            f"PX4 may reject legs of {longest_m:.0f} m: in many versions, the limits "
+            f"MIS_DIST_WPS and MIS_DIST_1WP are {PX4_LEG_M:.0f} m"
         )
     found += return_notes(missions, f"the parameter {RETURN_HEIGHTS[autopilot]}")
     return found
@@ -186,8 +190,9 @@ def return_notes(missions: Sequence[Mission], setting: str) -> list[str]:
     if return_m <= lowest_m + LEVEL_M:
         return []
     return [
-        "the file has no height for a return before its end, which may have to be higher than the "
-        f"drone then is: set {setting} to {math.ceil(return_m)} m or more"
+        "the file contains no height for a return before the end of the mission, which may "
+        f"have to be higher than the last waypoint: set {setting} to {math.ceil(return_m)} m "
+        "or more"
     ]
 
 

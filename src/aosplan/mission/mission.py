@@ -280,8 +280,8 @@ def check_hold(autopilot: str | None, hold_s: float) -> None:
     """
     if autopilot == "ardupilot" and (hold_s < 1.0 or hold_s != math.floor(hold_s)):
         raise RequestError(
-            f"--hold {hold_s:g} s: ArduPilot holds for whole seconds, and does not "
-            "stop at waypoints with a hold of 0",
+            f"--hold {hold_s:g} s: ArduPilot holds only for whole seconds, and does not stop "
+            "at waypoints with a hold of 0",
             f"give --hold {max(1, math.ceil(hold_s))}, or --trigger distance for "
             "photos while flying",
         )

@@ -294,11 +294,11 @@ def required_samples(vhat: float | str | Decimal | Fraction) -> int:
     target = exact_share(vhat, "V̂")
     if not 0 <= target < 1:
         hint = (
-            "no finite number of samples reaches 1; ask for 0.98, or 98%"
+            "no finite number of photos reaches 1; give a target such as 0.98 or 98%"
             if target == 1
             else f"write {vhat}%"
             if 1 < target <= 100 and not str(vhat).endswith("%")
-            else "a target lies between 0 and 1, such as 0.98 or 98%"
+            else "give a target between 0 and 1, such as 0.98 or 98%"
         )
         raise RequestError(f"V̂ = {vhat} is not a share below 1", hint)
     samples = 1 / (1 - target)

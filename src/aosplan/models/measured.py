@@ -216,9 +216,10 @@ class MeasuredModel:
         found = occlusion.targets_in(window)
         if self.edges == "interior" and not found:
             raise RequestError(
-                "--edges interior: from every place of the plot, some ray of this grid "
-                "leaves the plot",
-                "measure a larger plot, use a smaller aperture, or give --edges wrapped",
+                "--edges interior: for every place of the plot, at least one ray to this "
+                "grid leaves the plot",
+                "measure a larger plot, plan a smaller grid (--max-aperture), or give "
+                "--edges wrapped",
             )
         if self.edges == "auto" and found < LEAST_INTERIOR * occlusion.targets:
             return None

@@ -76,7 +76,7 @@ OMITTED = (
 )
 """Causes of error that no standard error includes."""
 
-OMITTED_BY_STATISTICS = "the error of the model: occluders are taken as independent"
+OMITTED_BY_STATISTICS = "the error of the model, which assumes independent occluders"
 
 
 class ErrorPart(NamedTuple):

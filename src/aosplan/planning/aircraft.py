@@ -73,9 +73,9 @@ def _brought_by_drone(values: Mapping[str, Any]) -> dict[str, Any]:
     elif (drone or payload) is not None and (values["camera"] or found["camera"]) is None:
         carrier = f"payload {payload}" if payload else f"drone {values['drone']}"
         raise RequestError(
-            f"no camera is known for the {carrier}",
-            "give its --camera NAME|FILE (aosplan cameras lists presets), or --fov DEG or "
-            "--focal-length MM with the size of the image",
+            f"the camera of the {carrier} is not known",
+            "give --camera NAME or FILE (aosplan cameras lists the presets), or give --fov "
+            "DEG or --focal-length MM together with the size of the image",
         )
     return {name: value for name, value in found.items() if values[name] is None}
 
@@ -105,8 +105,9 @@ def _decided_by_autopilot(values: Mapping[str, Any]) -> dict[str, Any]:
             )
     elif control is not None:
         raise RequestError(
-            f"--camera-control {control} without PX4",
-            "give --autopilot px4, or leave it out: other autopilots use their own parameters",
+            f"--camera-control {control} is only for PX4",
+            "give --autopilot px4, or leave --camera-control out, because other autopilots "
+            "use their own parameters",
         )
     if values["trigger"] == "stop":
         check_hold(autopilot, values["hold"])
@@ -144,8 +145,9 @@ def _check_payload(payload: str, drone: str | None, autopilot: str | None, camer
         check_carried(drone, payload)
     elif autopilot not in (None, "dji"):
         raise RequestError(
-            f"--payload {payload} with --autopilot {autopilot}: drones of DJI carry it",
-            "leave --payload out, and give its --camera",
+            f"--payload {payload} cannot be used with --autopilot {autopilot}, because only "
+            "drones of DJI carry this payload",
+            "leave --payload out, and give --camera NAME",
         )
     if camera.startswith("dji-") and not camera_fits_payload(camera, payload):
         raise RequestError(

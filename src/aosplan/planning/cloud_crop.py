@@ -46,7 +46,7 @@ def asked_crop(text: str, folder: str) -> Crop | None:
         west, south = (min(float(ring[:, axis].min()) for ring in rings) for axis in range(2))
         east, north = (max(float(ring[:, axis].max()) for ring in rings) for axis in range(2))
         return Crop((west, south, east, north), "degrees")
-    hint = "give W,S,E,N in the cloud's coordinates or in degrees, a GeoJSON file, or all"
+    hint = "give W,S,E,N in the coordinates of the cloud or in degrees, a GeoJSON file, or all"
     if len(numbers) != 4 or not all(math.isfinite(number) for number in numbers):
         raise RequestError(f"--crop {text} does not have four numbers", hint)
     west, south, east, north = numbers

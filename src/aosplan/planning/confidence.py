@@ -123,7 +123,7 @@ def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:
     if loaded.volume is None:
         if loaded.kind == "cloud":
             return "the saved scene contains no parts of the plot to compare"
-        return "the scene is given by its numbers, which are taken as exact"
+        return "the numbers of the scene are assumed to be exact"
 
     from aosplan.models.uncertainty import of_parts, quarters
     from aosplan.scenes.occluder_statistics import layered_scene
@@ -144,7 +144,7 @@ def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:
                 else posed[0].model.predict(solution.pattern, solution.baseline_m)
             )
     except RequestError as error:
-        return f"a quarter of the plot cannot be predicted: {error.message}"
+        return f"no prediction is possible for a quarter of the plot: {error.message}"
     return (
         of_parts(predictions)
         if predictions

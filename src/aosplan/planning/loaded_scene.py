@@ -98,8 +98,9 @@ def load_scene(
     unexpected = [file for file in (*(() if clouds else (name,)), *more) if not _is_cloud(file)]
     if more and unexpected:
         raise RequestError(
-            f"'{unexpected[0]}' is not a point cloud, and only point clouds can be combined",
-            "give one scene, or several .las and .laz files",
+            f"'{unexpected[0]}' is not a point cloud, and several files can be read together "
+            "only if all of them are point clouds",
+            "give a single scene, or several .las and .laz files",
         )
     if clouds:
         files = (*clouds, *more)
@@ -130,7 +131,8 @@ def load_scene(
     raise RequestError(
         f"unknown scene '{request.scene}'",
         scene_hint(request.scene)
-        or "aosplan scenes lists them; a file name ends in .toml, .json, .npz, .csv, .las, .laz or .tif",
+        or "aosplan scenes lists the presets; the name of a scene file ends in .toml, .json, "
+        ".npz, .csv, .las, .laz or .tif",
     )
 
 
@@ -208,7 +210,7 @@ def _check_unread(request: PlanRequest, options: Iterable[str]) -> None:
             kind = "canopy height raster" if option == "crown_base" else "point cloud"
             raise RequestError(
                 f"--{option.replace('_', '-')} needs a {kind}, but scene '{request.scene}' "
-                "is something else"
+                "is not one"
             )
 
 
@@ -241,8 +243,8 @@ def _cloud(
         for option in ("leaf_size", "trajectory"):
             if getattr(request, option) is not None:
                 raise RequestError(
-                    f"--{option.replace('_', '-')} is for opacity from pulses, not for "
-                    "--opacity voxels"
+                    f"--{option.replace('_', '-')} is only for opacity from pulses, and "
+                    "--opacity voxels is given"
                 )
     if request.leaf_size is not None:
         reading["leaf_size"] = request.leaf_size
@@ -320,9 +322,10 @@ def _of_rim(volume: VoxelVolume) -> tuple[Message, ...]:
     return (
         Message(
             "thin_rim",
-            f"the canopy hides {rim:.0%} of the ground along the rim of the plot and {middle:.0%} in its "
-            "middle, so trees may have been clipped; plans count only the places whose rays stay on the "
-            "plot, unless --edges wrapped is given",
+            f"the canopy hides {rim:.0%} of the ground near the edges of the plot and "
+            f"{middle:.0%} in its middle, so trees at the edges may have been cut; plans "
+            "count only the places whose rays stay on the plot, unless --edges wrapped is "
+            "given",
         ),
     )
 

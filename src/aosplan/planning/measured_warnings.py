@@ -36,27 +36,29 @@ def measured_warnings(solved: SolvedPlan, *, compares_headings: bool) -> Iterato
     if inputs.loaded.volume is None:
         yield Message(
             "correlogram_approximation",
-            "predicted from the scene's correlogram, an approximation (of V̂, mostly within 0.02); "
-            "the voxels in a .npz give the exact prediction",
+            "the prediction uses the correlogram of the scene, which is an approximation "
+            "(the error of V̂ is mostly below 0.02); with a .npz, which contains the voxels, "
+            "the prediction is exact",
         )
     yield from _edges(solved, problem)
     density = solution.prediction.density
     if density > SATURATED and "saturated" not in {code for code, _ in inputs.loaded.warnings}:
         yield Message(
             "saturated",
-            f"the views hide {density:.1%} of the ground on average: what they show depends on a few "
-            "gaps; read the cloud with smaller voxels, or use a smaller aperture",
+            f"on average, a photo does not see {density:.1%} of the ground, so the result "
+            "depends on a few gaps; read the cloud with smaller voxels, or plan a smaller "
+            "grid (--max-aperture)",
         )
     extent_m = max(solution.pattern.extent) * solution.baseline_m
     if extent_m > problem.model.independent_baseline_m * (1.0 + 1e-9):
         shear_m = 0.5 * extent_m / problem.model.independent_baseline_m
         yield Message(
             "small_plot",
-            f"the plot is too small for this aperture: {extent_m:.4g} m at an altitude "
-            f"of {inputs.altitude_m:.4g} m shift the top of the canopy by "
-            f"{shear_m:.2g} of the plot, and beyond one half the same trees count "
-            f"twice; use an aperture of at most {problem.model.independent_baseline_m:.4g} "
-            "m, or measure a larger plot",
+            f"the plot is too small for a grid of {extent_m:.4g} m: between its first and "
+            f"last photo, the top of the canopy shifts by {shear_m:.2g} of the plot at an "
+            f"altitude of {inputs.altitude_m:.4g} m, and if it shifts by more than one half, "
+            "the same trees count twice; give --max-aperture "
+            f"{problem.model.independent_baseline_m:.4g}, or measure a larger plot",
         )
     if not compares_headings and (word := other_heading(Alternative(problem, solution))):
         yield Message("heading", word)
@@ -76,19 +78,18 @@ def _edges(solved: SolvedPlan, problem: Problem) -> Iterator[Message]:
     if inside is None:
         yield Message(
             "edges_wrapped",
-            "from every place of the plot, some ray of this grid leaves the plot, so "
-            "the plot is repeated periodically, including edges with few points; "
-            "measure a larger plot, or use a smaller aperture",
+            "for every place of the plot, at least one ray to this grid leaves the plot, so "
+            "the plot is repeated beyond its edges, where it may have few points; measure a "
+            "larger plot, or plan a smaller grid (--max-aperture)",
         )
     elif abs(inside.normalized - solution.prediction.normalized) > EDGES_MATTER or (
         abs(inside.expected - solution.prediction.expected) > EDGES_MATTER
     ):
         yield Message(
             "edges_wrapped",
-            "rays of this grid leave the plot, which is repeated periodically, and "
-            "its edges differ from its middle: targets whose rays stay on the plot "
-            f"have V̂ = {inside.normalized:.3g} and V = {inside.expected:.3g}, all "
-            f"targets have {solution.prediction.normalized:.3g} and "
-            f"{solution.prediction.expected:.3g}; --edges interior uses only the "
-            "former",
+            "rays to this grid leave the plot, which is repeated beyond its edges, and its "
+            "edges differ from its middle: targets whose rays stay on the plot have V̂ = "
+            f"{inside.normalized:.3g} and V = {inside.expected:.3g}, all targets have "
+            f"{solution.prediction.normalized:.3g} and {solution.prediction.expected:.3g}; "
+            "--edges interior counts only the targets whose rays stay on the plot",
         )

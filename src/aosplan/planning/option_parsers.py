@@ -82,9 +82,9 @@ def target_share(value: Any, name: str) -> float | str:
     exact = q.exact_share(value, name)
     if not 0 <= exact < 1:
         hint = (
-            "no finite number of samples reaches 1; ask for 0.98"
+            "no finite number of photos reaches 1; give a target such as 0.98"
             if exact == 1
-            else q.percent_hint(value) or "a target lies between 0 and 1, such as 0.98 or 98%"
+            else q.percent_hint(value) or "give a target between 0 and 1, such as 0.98 or 98%"
         )
         raise RequestError(f"{name} {q.shown(value)} is not a share below 1", hint)
     nearest = float(exact)
@@ -102,7 +102,7 @@ def altitude(value: Any, name: str) -> float | str:
     if not lowest < highest:
         raise RequestError(
             f"{name} {q.shown(value)} is not an increasing range",
-            "give a range such as 40..80, or one height",
+            "give a range such as 40..80, or a single height",
         )
     return f"{lowest!r}..{highest!r}"
 
@@ -132,8 +132,8 @@ def length_unit(value: Any, name: str) -> str:
     text = str(value).strip()
     if not unit_m(text):
         raise RequestError(
-            f"{name} {q.shown(text)} is not a unit of length that is known",
-            "m, ft, us-ft, or a name of EPSG's such as 'Indian foot'",
+            f"{name} {q.shown(text)} is not a known unit of length",
+            "give m, ft, us-ft, or a name from EPSG such as 'Indian foot'",
         )
     return text
 
@@ -158,7 +158,10 @@ def file_waypoints(value: Any, what: str) -> int:
     """A number of waypoints, at least 2."""
     count = q.whole(value, what)
     if count < 2:
-        raise RequestError(f"{what} {value} is too few", "a mission file has 2 waypoints or more")
+        raise RequestError(
+            f"{what} {value} is too few",
+            "give 2 or more, because a mission file has at least 2 waypoints",
+        )
     return count
 
 
@@ -206,7 +209,7 @@ def radiance(value: Any, name: str) -> float:
     if abs(found) > LARGEST_CONTRAST:
         raise RequestError(
             f"{name} {q.shown(value)} is beyond {LARGEST_CONTRAST:g}",
-            "its unit is the standard deviation between occluders, not degrees or grey values",
+            "the unit is the standard deviation between occluders, and not degrees or grey values",
         )
     return found
 
@@ -215,7 +218,7 @@ def contrast(value: Any, name: str) -> float:
     """A contrast: a radiance that is not zero."""
     found = radiance(value, name)
     if found == 0.0:
-        raise RequestError(f"{name} 0: a target like the ground cannot be found")
+        raise RequestError(f"{name} 0: a target that looks like the ground cannot be found")
     return found
 
 

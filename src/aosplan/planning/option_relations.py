@@ -234,9 +234,9 @@ LEFT_OPEN = ("grid", "heading", "trigger")
 """Options whose values a search chooses if they are not given."""
 
 NOT_SEARCHED = {
-    "resume_at": "a resumed mission already has its sites",
-    "line_length": "a search chooses the length of a line itself",
-    "sensitivity": "the sensitivity is that of a given grid",
+    "resume_at": "a resumed mission already has sites",
+    "line_length": "--within chooses the length of a line",
+    "sensitivity": "the sensitivity is computed only for a given grid",
 }
 """Options that cannot be combined with a search, and the reason for each."""
 
@@ -247,7 +247,7 @@ def check_alternatives(values: Mapping[str, Any]) -> None:
         leading = [names[0] for names in alternatives if values[names[0]] is not None]
         if len(leading) > 1:
             flags = " and ".join(BY_NAME[name].flag for name in leading)
-            raise RequestError(f"{flags} have the same meaning", "keep one of them")
+            raise RequestError(f"{flags} have the same meaning", "give only one of them")
         for names in alternatives:
             if leading and names[0] == leading[0]:
                 unexpected = given_flags(values, sorted(_foreign(alternatives, names)))
@@ -255,7 +255,7 @@ def check_alternatives(values: Mapping[str, Any]) -> None:
                     raise RequestError(
                         f"{BY_NAME[leading[0]].flag} and {' and '.join(unexpected)} contradict "
                         "each other",
-                        "keep one of them",
+                        "give only one of them",
                     )
 
 
@@ -324,7 +324,8 @@ def check_grid(values: Mapping[str, Any]) -> None:
         raise RequestError(refusals.samples_beyond_bound(samples, most))
     if grid == "spiral" and values["trigger"] == "distance":
         raise RequestError(
-            "--grid spiral with --trigger distance: a spiral has no straight lines to fly through",
+            "--grid spiral cannot be used with --trigger distance, because a spiral has no "
+            "straight lines",
             "give --grid lanes or line, or --trigger stop",
         )
     least = NARROWEST_TURNS if grid == "spiral" else 1.0
@@ -340,16 +341,18 @@ def check_grid(values: Mapping[str, Any]) -> None:
         unexpected = [flag for flag in unexpected if flag != "--lane-pitch"]
     if unexpected:
         raise RequestError(
-            f"{' and '.join(unexpected)} with --grid {grid}", "they are for --grid lanes"
+            f"{' and '.join(unexpected)} with --grid {grid}", "give them only with --grid lanes"
         )
     if values["heading"] == "auto" and not over_area:
-        raise RequestError("--heading auto needs --area", "give a number of degrees")
+        raise RequestError("--heading auto needs --area", "give --heading in degrees")
     if values["line_length"] is not None and over_area:
         raise RequestError("--line-length and --area contradict each other", "keep one")
     if grid == "spiral" and over_area:
         raise RequestError("--grid spiral cannot be repeated over an --area", "use lanes")
     if values["line_length"] is not None and grid != "line":
-        raise RequestError(f"--line-length with --grid {grid}", "it is for --grid line")
+        raise RequestError(
+            f"--line-length with --grid {grid}", "give --line-length only with --grid line"
+        )
 
 
 def given_flags(values: Mapping[str, Any], names: Collection[str]) -> list[str]:
@@ -460,10 +463,11 @@ def check_search(values: Mapping[str, Any]) -> None:
         if isinstance(values["altitude"], str):
             raise RequestError(
                 f"--altitude {values['altitude']} is a range",
-                "give --within MIN, which chooses within it, or one altitude",
+                "give --within MIN, which chooses an altitude from the range, or give a "
+                "single altitude",
             )
         if values["trigger"] == "best":
-            raise RequestError("--trigger best without --within", "give --within MIN too")
+            raise RequestError("--trigger best without --within", "give --within MIN as well")
         return
     which = "--optimize detection"
     if values["within"] is not None:
@@ -476,7 +480,9 @@ def check_search(values: Mapping[str, Any]) -> None:
             raise RequestError(f"{flag} with {which}: {reason}", f"leave {flag} out")
     if values["grid"] == "spiral":
         raise RequestError(
-            f"--grid spiral with {which}: spirals are not searched", "leave --grid out"
+            f"--grid spiral cannot be used with {which}, because the search does not include "
+            "spirals",
+            "leave --grid out",
         )
 
 

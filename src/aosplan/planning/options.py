@@ -197,8 +197,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
          f"Quantity to minimise or maximise: {', '.join(OBJECTIVES)}.  [samples; with "
              "--within and no target: detection or visibility]"),
         ("within", parse.positive, "number", "MIN",
-         "Longest time from take-off to landing, for which aosplan chooses the options that "
-             "are not given."),
+         "Longest time from take-off to landing.  aosplan chooses the options that are not given."),
         ("max_aperture", parse.length, "number", "M",
          "Largest extent of the grid (the length of its longer side)."),
         ("max_samples", q.whole, "whole", "N",

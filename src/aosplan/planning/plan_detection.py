@@ -167,40 +167,41 @@ def detection_warnings(detection: Detection, inputs: PlanInputs, samples: int) -
     if gsd_m > 0.5 * width:
         yield Message(
             "target_below_pixel",
-            f"a pixel is {gsd_m:.2g} m wide on the ground and the target {width:g} m: less than two "
-            "pixels show it, and the prediction assumes a sharp image; fly lower, or use a "
-            "longer lens",
+            f"a pixel is {gsd_m:.2g} m wide on the ground, and the target is {width:g} m "
+            "wide, so fewer than two pixels show it; the prediction assumes a sharp image, "
+            "so fly lower or use a longer lens",
         )
     if samples < FEWEST_PHOTOS:
         yield Message(
             "detection_few_photos",
-            f"with fewer than {FEWEST_PHOTOS} photos the probability of detection may be off by 0.2",
+            f"with fewer than {FEWEST_PHOTOS} photos, the probability of detection may be "
+            "wrong by 0.2",
         )
     if detection.signature.crown_share > MOST_CROWN_SHARE:
         yield Message(
             "detection_crown_clutter",
-            f"crowns are {detection.signature.crown_share:.0%} of the clutter: the "
-            "probability of detection depends on this share and may be off by 0.1",
+            f"the crown share is {detection.signature.crown_share:.0%}; for crown shares "
+            "above 20%, the probability of detection may be wrong by 0.1",
         )
     if detection.standard_error is None:
         yield Message(
             "detection_independent_occluders",
-            "the probability of detection assumes independent occluders, so it is an "
-            "upper bound: below generated stands with crowns of the same density, "
-            "about half as many targets were found; give the point cloud of a stand "
-            "for a better prediction",
+            "the probability of detection assumes independent occluders, so it is an upper "
+            "bound; in generated stands that have crowns and the same density, about half as "
+            "many targets were found; for a better prediction, give the point cloud of a "
+            "stand",
         )
     if inputs.hold_error_m > 0.0 or inputs.rays not in (None, "nadir"):
         yield Message(
             "detection_plain_rays",
-            "the probability of detection is predicted for rays straight down from the planned "
-            "sites, without --hold-error and --rays",
+            "the probability of detection is predicted for vertical rays and exact "
+            "positions, so it does not depend on --hold-error and --rays",
         )
     if inputs.model == "measured" and inputs.edges == "interior":
         yield Message(
             "detection_whole_plot",
-            "the probability of detection is counted on the whole plot, which is repeated beyond its "
-            "edges, without --edges interior",
+            "the probability of detection is counted on the whole plot, which is repeated "
+            "beyond its edges, even with --edges interior",
         )
 
 

@@ -44,7 +44,8 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
     """Warnings of a plan, each with its remedy."""
     if plan.coverage is None:
         yield Message(
-            "no_occluders", "no occluder is above the focal plane: a single photo shows everything"
+            "no_occluders",
+            "no occluder is above the focal plane, so a single photo shows everything",
         )
     if not plan.solution.met and plan.inputs.objective not in BEST:
         yield _missed(plan)
@@ -61,8 +62,8 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
     if measured_stand and plan.model != "measured" and plan.coverage is not None:
         yield Message(
             "independent_occluders",
-            f"the {plan.model} model assumes independent occluders, but those of a real stand "
-            "are clumped: treat the predicted visibility as an upper bound",
+            f"the {plan.model} model assumes independent occluders, but the occluders of a "
+            "real stand are clumped, so the predicted visibility is an upper bound",
         )
 
 
@@ -76,8 +77,9 @@ def scene_elsewhere(loaded: LoadedScene, origin: tuple[float, float] | None) -> 
     if apart_m > SCENE_NEARBY_M:
         yield Message(
             "scene_elsewhere",
-            f"the scene was measured {apart_m / 1000.0:.3g} km away, at {place[0]:.4f},"
-            f"{place[1]:.4f}: check --origin or --area if the scene shows this place",
+            f"the scene was measured {apart_m / 1000.0:.3g} km away, at "
+            f"{place[0]:.4f},{place[1]:.4f}: if the scene shows the place of the plan, check "
+            "--origin or --area",
         )
 
 
@@ -101,8 +103,8 @@ def _camera_of_another_drone(flight: FlightInputs, camera: Camera) -> Iterator[M
     if not carried:
         yield Message(
             "camera_of_another_drone",
-            f"--camera {camera.name} is not the camera of --drone {name}: the "
-            "plan is for the given camera, but the drone flies with its own",
+            f"--camera {camera.name} is not the camera of --drone {name}: the plan is for "
+            "the given camera, but the drone carries another one",
         )
 
 
@@ -117,7 +119,8 @@ def _unconfirmed(flight: FlightInputs, camera: Camera) -> Iterator[Message]:
         if clauses:
             yield Message(
                 "unconfirmed_values",
-                f"{what}: {'; '.join(clauses)}: compare with its maker's specification",
+                f"{what}: {'; '.join(clauses)}; compare these values with the specification "
+                "of the manufacturer",
             )
 
 
@@ -127,9 +130,9 @@ def _missed(plan: PlanData) -> Message:
     reached = requirement.value_of(prediction)
     required = plan.solution.samples_required
     remedy = (
-        f"{required} samples would reach it at this baseline"
+        f"at this baseline, {required} photos would reach it"
         if required is not None
-        else "no number of samples reaches it at this baseline"
+        else "at this baseline, no number of photos reaches it"
     )
     return Message(
         "target_missed",
@@ -147,10 +150,10 @@ def _no_common_ground(plan: PlanData) -> Message:
     )
     return Message(
         "no_common_ground",
-        f"no ground is seen by all samples: the footprint is {footprint[0]:.4g} x "
-        f"{footprint[1]:.4g} m and the grid {extent[0]:.4g} x {extent[1]:.4g} m; "
-        f"give a baseline below {largest:.4g} m, fly this grid above {higher:.4g} "
-        "m, or use a wider camera",
+        f"no ground is in all photos, because the footprint is {footprint[0]:.4g} x "
+        f"{footprint[1]:.4g} m and the grid {extent[0]:.4g} x {extent[1]:.4g} m; give a "
+        f"baseline below {largest:.4g} m, fly this grid above {higher:.4g} m, or use a wider "
+        "camera",
     )
 
 
@@ -164,8 +167,9 @@ def _pixels(plan: PlanData) -> Iterator[Message]:
         yield Message(
             "occluder_below_pixel",
             f"an occluder of {size:.3g} m at {height:.3g} m covers "
-            f"{focal * size / (plan.altitude_m - height):.2g} pixels, so it counts as one pixel "
-            f"large; it is resolved below an altitude of {resolved:.4g} m, or by a longer lens",
+            f"{focal * size / (plan.altitude_m - height):.2g} pixels, so it is treated as "
+            f"one pixel large; photos resolve it below an altitude of {resolved:.4g} m, or "
+            "with a longer lens",
         )
     if plan.solution.pattern.samples == 1:
         return
@@ -174,8 +178,9 @@ def _pixels(plan: PlanData) -> Iterator[Message]:
         smallest = baseline_for_disparity_px(1.0, height, plan.altitude_m, focal)
         yield Message(
             "disparity_below_pixel",
-            f"the lowest occluders move by {disparity:.2g} pixels between neighbours, too little "
-            f"to separate them; one pixel needs a baseline of {smallest:.4g} m, or a longer lens",
+            f"the lowest occluders move by {disparity:.2g} pixels between neighbouring "
+            "photos, which is too little; a movement of one pixel needs a baseline of "
+            f"{smallest:.4g} m, or a longer lens",
         )
 
 
@@ -192,8 +197,9 @@ def _oblique_rays(plan: PlanData) -> Iterator[Message]:
         angle = math.degrees(math.atan2(math.hypot(x, y), 2.0 * plan.altitude_m))
         yield Message(
             "oblique_rays",
-            f"the outer photos look {angle:.0f}° off nadir and cross more foliage: p is about "
-            f"{slanted:.3g} on average, not {density:.3g}; --rays oblique accounts for it",
+            f"the outer photos look {angle:.0f}° off nadir and cross more foliage: p is "
+            f"about {slanted:.3g} on average, not {density:.3g}; --rays oblique includes "
+            "this effect",
         )
 
 
@@ -206,8 +212,9 @@ def _thick_layers(plan: PlanData) -> Iterator[Message]:
         yield Message(
             "thick_layer",
             f"{len(thick)} layers are much thicker than their occluders (up to "
-            f"{worst.top_m - worst.bottom_m:.3g} m for {worst.occluder_size_m:.3g} m): each is "
-            "placed at its middle height; thinner layers give a better prediction",
+            f"{worst.top_m - worst.bottom_m:.3g} m for {worst.occluder_size_m:.3g} m); each "
+            "layer is treated as if it were at its middle height, so thinner layers give a "
+            "better prediction",
         )
 
 
@@ -233,35 +240,37 @@ def _flying(plan: PlanData) -> Iterator[Message]:
     if sum(photo) > 1 and not any(one and other for one, other in pairwise(photo)):
         yield Message(
             "photos_alone",
-            "no two sites lie on one line along the heading, so each photo needs its "
-            "own run-in and run-out: use --trigger stop for this grid",
+            "no two sites are on one line along the heading, so each photo needs a run-in "
+            "and a run-out of its own; give --trigger stop for this grid",
         )
     endurance = flight.drone.endurance_min if flight.drone else None
     longest = max(flight.time_s for flight in route.flights) / 60.0
     if endurance is not None and longest > endurance:
         yield Message(
             "battery",
-            f"a flight takes {longest:.3g} min, but a new battery of this drone lasts "
+            f"a flight takes {longest:.3g} min, but a new battery of this drone lasts only "
             f"{endurance:g} min in still air: give --flight-time MIN to split it",
         )
     if route.takeoff_ground_m is not None and flight.takeoff is None:
         yield Message(
             "takeoff_assumed",
-            "heights are relative to the take-off point, which is assumed to be below the first waypoint, on ground "
-            f"{route.takeoff_ground_m:.1f} m above {route.datum}: take off there, or give --takeoff",
+            "heights are relative to the take-off point, which is assumed to be on the "
+            f"ground below the first waypoint, {route.takeoff_ground_m:.1f} m above "
+            f"{route.datum}; take off there, or give --takeoff LAT,LON",
         )
     highest = plan.altitude_m + plan.inputs.focal_height_m + route.farther_by_m
     if highest > HIGHEST_M:
         yield Message(
             "above_120_m",
-            f"the flight reaches {highest:.4g} m above ground, and many countries allow "
+            f"the flight reaches {highest:.4g} m above ground; many countries allow at most "
             f"{HIGHEST_M:g} m",
         )
     if route.highest_way_m is not None and max(highest, HIGHEST_M) < route.highest_way_m:
         climb = max(max(flight.climb_m, flight.return_m) for flight in route.flights)
         yield Message(
             "transit_above_120_m",
-            f"the path from the take-off or back is flown {climb:.4g} m above the take-off, over "
-            f"canopy and terrain, and reaches {route.highest_way_m:.4g} m above the ground below; "
-            f"many countries allow {HIGHEST_M:g} m: take off elsewhere, or fly around the high ground",
+            f"on the path from the take-off or back, the drone flies {climb:.4g} m above the "
+            f"take-off, to clear canopy and terrain, and reaches {route.highest_way_m:.4g} m "
+            f"above the ground below; many countries allow at most {HIGHEST_M:g} m; take off "
+            "elsewhere, or fly around the high ground",
         )

@@ -45,7 +45,8 @@ def read_request(path: str) -> dict[str, Any]:
     if not os.path.exists(path) and path.replace(".", "", 1).removeprefix("-").isdigit():
         raise RequestError(
             f"no file '{path}'",
-            f"a latitude and a longitude are one word, with a comma: --origin LAT,{path}",
+            "write the latitude and the longitude with a comma and without a space: --origin "
+            f"LAT,{path}",
         )
     table = read_table(path)
     inner = table.get("request")
@@ -53,7 +54,7 @@ def read_request(path: str) -> dict[str, Any]:
         if table.get("schema") != SCHEMA:
             raise RequestError(
                 f"'{path}' has schema {table.get('schema')!r}, not {SCHEMA}",
-                "it was written by another version of aosplan",
+                "another version of aosplan wrote this file",
             )
         table = inner
     values = checked(RequestDocument, table, path).model_dump(exclude_none=True)

@@ -422,14 +422,16 @@ def _check_model(name: str, kind: str, request: PlanRequest) -> None:
         )
     if request.edges is not None and name != "measured":
         raise RequestError(
-            f"--edges {request.edges} is not for --model {name}", "it is for the measured model"
+            f"--edges {request.edges} is not for --model {name}",
+            "give it only for the measured model",
         )
     if request.view is not None and name != "measured":
         raise RequestError(
-            f"--view {request.view} is not for --model {name}", "it is for the measured model"
+            f"--view {request.view} is not for --model {name}",
+            "give it only for the measured model",
         )
     if request.rays is not None and name == "measured":
         raise RequestError(
             f"--rays {request.rays} with --model measured",
-            "the measured model traces the real rays; --rays is for uniform and layered",
+            "leave --rays out, because the measured model traces the real rays",
         )

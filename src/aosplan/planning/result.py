@@ -43,13 +43,15 @@ class Plan(PlanData):
 
         if self.inputs.objective == "detection":
             raise RequestError(
-                "the trade-off is between samples, aperture and time at a target, not for "
+                "a trade-off needs a target and the objective samples, aperture or time, not "
                 "--optimize detection",
-                "plan --within MIN shows the plans for half and twice the time; tradeoff "
-                "--find person has the probability of detection of every row",
+                "plan --within MIN shows the plans for half the time and twice the time; "
+                "tradeoff --find person shows the probability of detection of every row",
             )
         if self.problem is None:
-            raise RequestError("no occluder is above the focal plane: one photo shows everything")
+            raise RequestError(
+                "no occluder is above the focal plane, so one photo shows everything"
+            )
         problems = [self.problem._replace(grid=kind) for kind in self.inputs.grids]
         return tradeoff(problems, self.problem, self.solution)
 

@@ -356,8 +356,8 @@ def _photos_before(sites: FlightPoints, waypoint: int) -> int:
     if done == sum(sites.photo):
         last = max(place for place, photo in enumerate(sites.photo) if photo)
         raise RequestError(
-            f"--resume-at {waypoint} leaves nothing to fly: the last photo is at waypoint {last}",
-            "waypoints count from 0, over all flights of the plan",
+            f"--resume-at {waypoint} is after the last photo, which is at waypoint {last}",
+            "waypoints are numbered from 0 over all flights of the plan",
         )
     return done
 

@@ -52,7 +52,7 @@ def _mission(table: dict[str, Any], document: PlanDocument, path: str) -> Missio
     given = {tuple(value is None for value in waypoint) for waypoint in waypoints}
     half_placed = (waypoints[0].latitude is None) != (waypoints[0].longitude is None)
     if len(given) > 1 or half_placed or [w.index for w in waypoints] != list(range(len(waypoints))):
-        raise RequestError(f"'{path}': the waypoints are not one gapless list in flight order")
+        raise RequestError(f"'{path}': the waypoints are not a complete list in flight order")
     return Mission(
         Waypoints.of(waypoints),
         {name: value for name, value in table.items() if name != "waypoints"},

@@ -23,7 +23,7 @@ def check_name(path: str) -> None:
     if not path.lower().endswith((".toml", VOXEL_SUFFIX)):
         raise RequestError(
             f"--save '{path}' does not end in .toml or {VOXEL_SUFFIX}",
-            ".toml has the statistics, .npz the voxels as well",
+            "write .toml for the statistics, or .npz for the statistics and the voxels",
         )
 
 
@@ -42,7 +42,7 @@ def scene_bytes(loaded: LoadedScene, table: Correlogram | None, path: str) -> by
 
         return scene_toml(loaded.scene, table)
     if loaded.volume is None:
-        raise RequestError(f"--save '{path}': this scene has no voxels", "save it as .toml")
+        raise RequestError(f"--save '{path}': the scene has no voxels", "save it as .toml")
     from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
     from aosplan.scenes.scene import LayeredScene
 

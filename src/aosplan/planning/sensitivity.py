@@ -103,11 +103,13 @@ def _posed(inputs: PlanInputs, quantity: str, factor: float) -> Problem | None:
     loaded = inputs.loaded
     above = loaded.scene.canopy_top_m - inputs.focal_height_m
     if above * higher >= inputs.altitude_m:
-        raise RequestError(f"the canopy would reach {above * higher:.4g} m, up to the cameras")
+        raise RequestError(
+            f"the canopy would reach {above * higher:.4g} m, which is as high as the cameras"
+        )
     if inputs.model == "measured":
         if quantity == "density":
             if loaded.volume is None:
-                raise RequestError("a correlogram has no voxels to remove or to add")
+                raise RequestError("a correlogram has no voxels that could be removed or added")
             loaded = replace(
                 loaded, volume=with_density_factor(loaded.volume, factor), correlogram=None
             )

@@ -121,9 +121,8 @@ def ways_in_zones(inputs: PlanInputs, route: Route) -> Iterator[Message]:
     crossing = int(zones.cross(points[:-1], points[1:]).sum())
     if crossing:
         raise InfeasibleError(
-            f"{crossing} of the paths between lines that are flown through would pass through "
-            "no-fly zones",
-            "give --trigger stop, which flies around them",
+            f"{crossing} of the straight paths between lines would pass through no-fly zones",
+            "give --trigger stop, with which the drone flies around the zones",
         )
     if takeoff_at is None:
         return
@@ -133,8 +132,9 @@ def ways_in_zones(inputs: PlanInputs, route: Route) -> Iterator[Message]:
     if through or zones.inside(takeoff)[0]:
         yield Message(
             "way_through_zone",
-            f"{through} of the {len(ends)} straight paths from the take-off to a flight and back "
-            "pass through a no-fly zone: choose another --takeoff, or fly them by hand",
+            f"{through} of the {len(ends)} straight paths from the take-off to a flight and "
+            "back pass through a no-fly zone; give another --takeoff, or fly these paths by "
+            "hand",
         )
 
 
@@ -154,7 +154,7 @@ def flown_pattern(inputs: PlanInputs, solution: Solution) -> Pattern | Spiral:
     if photos < solution.pattern.samples:
         needed = (solution.pattern.samples - 1) * solution.baseline_m
         raise RequestError(
-            f"--line-length {length_m:g} is shorter than one integral, "
+            f"--line-length {length_m:g} is shorter than an integral, which needs "
             f"{solution.pattern.samples} photos over {needed:.4g} m",
             f"--line-length {math.ceil(needed)} is enough",
         )

@@ -128,7 +128,7 @@ def problem_of(inputs: PlanInputs, memo: Memo) -> tuple[Problem, CoverageBaselin
     if above.transparency == 0.0 or density >= 1.0:
         raise RequestError(
             refusals.opaque_scene(inputs.scene_name),
-            "a density below 1 is needed; for a point cloud, a smaller --voxel or a larger "
+            "give a density below 1; for a point cloud, give a smaller --voxel or a larger "
             "--min-height",
         )
     slabs = memo(_slabs, above)
@@ -192,8 +192,8 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
         assert table is not None
         if focal_height > 0.0 or inputs.view == "perspective":
             raise RequestError(
-                f"scene '{inputs.scene_name}' contains only a correlogram, which supports "
-                "neither a raised focal plane nor the view perspective",
+                f"scene '{inputs.scene_name}' contains only a correlogram, which cannot be "
+                "used with --focal-height or --view perspective",
                 "save the scene as .npz, with its voxels, or use --model layered",
             )
         if inputs.edges == "interior" and table.edges != "interior":

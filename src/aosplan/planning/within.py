@@ -200,10 +200,10 @@ class WithinSearch:
                     f"within {longest_s / 60.0:.4g} min, from take-off to landing",
                     f"--within {minutes} is enough",
                 )
-        message = "no plan satisfies the given options in any time"
+        message = "no plan satisfies the given options, in whatever time"
         reason = self.levels[0].reason
         if reason is not None:
             return InfeasibleError(f"{message}: {reason.message}", reason.hint)
         return InfeasibleError(
-            message, "leave out options: the kind of grid, its spacing, the trigger or the target"
+            message, "leave out some options, such as --grid, --baseline, --trigger or the target"
         )

@@ -124,8 +124,8 @@ def interval_assumed() -> Message:
     """The warning that the interval between photos is assumed."""
     return Message(
         "photo_interval_assumed",
-        f"the shortest time between photos is not known: {PHOTO_INTERVAL_S:g} s is "
-        "assumed for photos while flying; give --photo-interval S, or a --drone",
+        "the shortest time between photos is not known; for photos while flying, "
+        f"{PHOTO_INTERVAL_S:g} s is assumed; give --photo-interval S or --drone NAME",
     )
 
 
@@ -133,6 +133,6 @@ def samples_bounded(samples: int) -> Message:
     """The warning that the search is limited by the largest number of photos of each point."""
     return Message(
         "search_samples_bounded",
-        f"the search takes up to {samples} photos of each point, and more would fit into the "
-        "time; allow them with --max-samples N",
+        f"the search allows at most {samples} photos of each point, but more photos would be "
+        "possible within the time; allow them with --max-samples N",
     )

@@ -167,8 +167,8 @@ def _altitudes(request: PlanRequest) -> Iterator[float | None]:
     low, high = altitude_range(request.altitude)
     if request.baseline is not None:
         raise RequestError(
-            f"--altitude {request.altitude} with --baseline {request.baseline:g}: the spacing is "
-            "chosen for each altitude",
+            f"--altitude {request.altitude} cannot be used with --baseline "
+            f"{request.baseline:g}, because the baseline is chosen for each altitude",
             "give one --altitude, or leave --baseline out",
         )
     for step in range(ALTITUDES):

@@ -99,12 +99,13 @@ def check_count(count: int, samples: int) -> None:
     """
     if count < samples:
         raise RequestError(
-            f"{count} positions are fewer than --samples {samples}", "give fewer samples"
+            f"{count} photos are fewer than --samples {samples}",
+            "give a smaller number of --samples",
         )
     if count > MOST_VIEWS:
         raise RequestError(
-            f"{count} positions are more than the {MOST_VIEWS} that can be chosen from",
-            "leave out every other one, or split the recording",
+            f"{count} photos are too many; the choice is possible from at most {MOST_VIEWS}",
+            "leave out every other photo, or divide the recording",
         )
 
 

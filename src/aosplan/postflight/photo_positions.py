@@ -286,7 +286,9 @@ def degrees_of(tags: dict[int, object], reference: int, letters: str) -> float |
     if not letter or letter not in letters:
         raise DoubtfulError(f"has a position without its hemisphere ({letters[0]} or {letters[1]})")
     if whole < 0.0 and letter == letters[0]:
-        raise DoubtfulError(f"is at {whole:g} degrees and at {letter}, which contradict each other")
+        raise DoubtfulError(
+            f"is at {whole:g} degrees and at {letter}, and these values contradict each other"
+        )
     return -value if letter == letters[1] else value
 
 

@@ -63,7 +63,7 @@ def read_places(path: str) -> list[Place]:
     else:
         places = places_of(read_csv(path))
     if not places:
-        raise RequestError(f"'{path}' holds no positions")
+        raise RequestError(f"'{path}' contains no positions")
     return places
 
 
@@ -101,7 +101,7 @@ def _place(where: str, latitude: Any, longitude: Any, altitude: Any = None) -> P
     if abs(north) > 90.0 or abs(east) > 180.0:
         raise RequestError(
             f"{where} {north:g}, {east:g} is not a latitude and longitude",
-            "latitudes lie within 90 and longitudes within 180 degrees",
+            "latitudes are between -90 and 90 degrees, and longitudes between -180 and 180 degrees",
         )
     return Place(north, east, None if altitude is None else number(altitude, f"{where} altitude"))
 
@@ -148,12 +148,12 @@ def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> lis
             photos += places[-1:] if spacing_m else []
         elif command not in PLACELESS and any(_is_set(value) for value in params[4:6]):
             raise RequestError(
-                f"{where} command {command} is unknown and has a position: it is not clear "
+                f"{where} command {command} is unknown and has a position: it is not known "
                 "whether a photo is taken there",
-                "leave it out, or make it a waypoint (16)",
+                "remove the command, or replace it by a waypoint (16)",
             )
     if not places:
-        raise RequestError(f"'{path}' holds no waypoints")
+        raise RequestError(f"'{path}' contains no waypoints")
     return photos or places
 
 
@@ -267,7 +267,7 @@ def _items(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
         if kind != "SimpleItem":
             raise RequestError(
                 f"{where} {kind!r} is not a SimpleItem",
-                "save surveys of QGroundControl as .waypoints, which lists each of their places",
+                "save surveys of QGroundControl as .waypoints, which lists each position",
             )
         params = item.get("params")
         if not isinstance(params, list) or len(params) != 7:
@@ -360,7 +360,7 @@ def read_positions(path: str) -> list[tuple[float, float]]:
         return list(zip(*local_m(places, places[0][:2], path, "the first"), strict=True))
     points = positions_of(read_csv(path))
     if not points:
-        raise RequestError(f"'{path}' holds no positions")
+        raise RequestError(f"'{path}' contains no positions")
     return points
 
 
@@ -482,5 +482,5 @@ def positions_of(table: PositionTable) -> list[tuple[float, float]]:
 def _position(where: str, *values: str) -> tuple[float, float]:
     x, y = (number(value, f"{where} value") for value in values)
     if max(abs(x), abs(y)) > FARTHEST_M:
-        raise RequestError(f"{where} {x:g}, {y:g} is farther than {FARTHEST_M:g} m")
+        raise RequestError(f"{where} {x:g}, {y:g} is more than {FARTHEST_M:g} m from the origin")
     return x, y

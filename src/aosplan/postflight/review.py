@@ -414,10 +414,14 @@ def _unpredictable(planned: Plan, sites: int, photos: int) -> Message | None:
     prediction.
     """
     if planned.layout.survey is not None or sites != planned.solution.pattern.samples:
-        message = "the sites are not a single aperture, so missing sites are reported without a visibility"
+        message = (
+            "the sites do not form a single grid, so no visibility is predicted for the photos"
+        )
         return Message("no_single_aperture", message)
     if photos > MOST_VIEWS:
-        message = f"{photos} photos are more than the {MOST_VIEWS} whose visibility is predicted"
+        message = (
+            f"{photos} photos are too many; the visibility is predicted for at most {MOST_VIEWS}"
+        )
         return Message("too_many_views", message)
     return None
 
@@ -435,13 +439,17 @@ def _predictions(
 
 def _of_origin(planned: Plan, flown: str, alike: int) -> Message:
     latitude, longitude = planned.origin or (math.nan, math.nan)
-    where = f"where most of its sites have a photo, {flown}"
+    where = f"so that most of its sites have a photo, {flown}"
     if alike > 1:
-        where += f" (of {alike} such places, where the first sites have)"
+        where += (
+            f" (at {alike} positions, equally many sites have a photo; this one fits the first "
+            "sites)"
+        )
     return Message(
         "origin_assumed",
         f"the plan has no location: it is placed {where}, with its origin at "
-        f"{latitude:.7f},{longitude:.7f}; give --origin, or the --heading flown, if that is wrong",
+        f"{latitude:.7f},{longitude:.7f}; if this position is wrong, give --origin or the "
+        "--heading that was flown",
     )
 
 
@@ -451,8 +459,8 @@ def _of_distances(
     if not near.any():
         yield Message(
             "no_photo_at_any_site",
-            f"no photo is within {tolerance_m:.3g} m of a site, the nearest is "
-            f"{off_m.min():.4g} m away: check that the photos are of this plan, and "
+            f"no photo is within {tolerance_m:.3g} m of a site; the nearest photo is "
+            f"{off_m.min():.4g} m away; check that the photos belong to this plan, and check "
             "its origin and heading",
         )
 
@@ -462,8 +470,9 @@ def _of_blind(count: int) -> Iterator[Message]:
         many = count > 1
         yield Message(
             "photos_aside",
-            f"{count} photo{'s' if many else ''} far from every site {'do' if many else 'does'} not see "
-            f"the middle of the grid and {'are' if many else 'is'} left out of the visibility",
+            f"{count} photo{'s' if many else ''} far from every site "
+            f"{'do' if many else 'does'} not see the ground below the middle of the grid and "
+            f"{'are' if many else 'is'} left out of the visibility",
         )
 
 
@@ -481,5 +490,5 @@ def _of_altitudes(planned: Plan, views: Views) -> Iterator[Message]:
             "altitude_differs",
             f"{len(off)} of {len(known)} photos were taken from {off.min():.4g} to "
             f"{off.max():.4g} m, but the visibility is predicted for the planned "
-            f"{expected:.4g} m: give the --altitude that was flown",
+            f"{expected:.4g} m; give the --altitude that was flown",
         )

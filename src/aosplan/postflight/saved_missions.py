@@ -45,9 +45,10 @@ def read_saved_missions(path: str, chosen: Sequence[Format]) -> tuple[Mission, .
     flown = [form.title for form in chosen if form.flown_by]
     if flown:
         raise RequestError(
-            f"'{path}' is a mission file, and only its sites are read: {flown[0]} needs speeds "
-            "and the camera too",
-            "write .csv, .geojson or .kml, or export the plan.json that the mission is from",
+            f"'{path}' is a mission file, of which only the sites are read, but {flown[0]} "
+            "also needs speeds and the camera",
+            "write .csv, .geojson or .kml, or export the plan.json from which the mission "
+            "was written",
         )
     return (read_mission_file(path),)
 

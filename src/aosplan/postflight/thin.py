@@ -147,8 +147,8 @@ def thin_views(
     """
     if not isinstance(wanted.heading, float):
         raise RequestError(
-            f"--heading {wanted.heading} is not possible for views that are already recorded",
-            "give --heading DEG, the direction of their lines",
+            f"--heading {wanted.heading} is not possible for photos that are already recorded",
+            "give --heading DEG, the direction of the flight lines",
         )
     check_count(len(views), samples)
     origin = wanted.origin
@@ -162,7 +162,7 @@ def thin_views(
         progress=progress,
     )
     if scene.problem is None:
-        raise RequestError("no occluder is above the focal plane: one photo shows everything")
+        raise RequestError("no occluder is above the focal plane, so one photo shows everything")
     east, north = views.local_m(origin)
     points = in_axes(scene, east, north)
     model = scene.problem.model
@@ -176,9 +176,9 @@ def thin_views(
         warnings.append(
             Message(
                 "more_hidden",
-                "views that share few occluders are far apart and hide more ground: V = "
-                f"{few.expected:.3g} for the kept views and {every.expected:.3g} for all; "
-                "--best visibility maximises V",
+                "photos that share few occluders are far apart, and their slanted rays cross "
+                f"more foliage: V = {few.expected:.3g} for the selected photos and "
+                f"{every.expected:.3g} for all; --best visibility maximises V",
             )
         )
     return Thinning(

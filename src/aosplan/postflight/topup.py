@@ -49,7 +49,7 @@ class TopUp(NamedTuple):
         if len(self.sites) < self.wanted:
             text = (
                 f"the top-up takes {len(self.sites)} of {self.wanted} missing photos within "
-                f"{longest_s / 60.0:.4g} min; the flight to all of them takes "
+                f"{longest_s / 60.0:.4g} min; all missing photos would take "
                 f"{self.all_s / 60.0:.1f} min"
             )
             found.append(Message("topup_is_part", text))

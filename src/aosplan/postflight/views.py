@@ -93,7 +93,7 @@ class Views(NamedTuple):
             count = len(self.paired)
             yield Message(
                 "paired_photos",
-                f"{count} photo{'s' * (count > 1)} of the same shot as another photo "
+                f"{count} photo{'s' * (count > 1)} taken at the same time as another photo "
                 f"{'are' if count > 1 else 'is'} not counted: {_readable(name)} with "
                 f"{_readable(other)}{' ...' * (count > 1)}",
             )
@@ -186,7 +186,7 @@ def _views(
 
 def _check_some(path: str, found: Sequence[object]) -> None:
     if not found:
-        raise RequestError(f"'{path}' holds no positions")
+        raise RequestError(f"'{path}' contains no positions")
 
 
 def along_heading(east_m: ArrayLike, north_m: ArrayLike, heading_deg: float) -> NDArray[np.float64]:

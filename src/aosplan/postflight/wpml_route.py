@@ -51,7 +51,7 @@ def _waylines(names: list[str], path: str) -> str:
     if len(found) != 1:
         raise RequestError(
             f"'{path}' holds {len(found) or 'no'} {MEMBER}: it is not one WPML route",
-            "an area is read by --area",
+            "if the file describes an area, give it as --area",
         )
     return found[0]
 
@@ -90,7 +90,7 @@ class _Reader:
     def _start(self, name: str, _attributes: dict[str, str]) -> None:
         self.depth += 1
         if self.depth > DEEPEST:
-            raise RequestError(f"'{self.path}' is nested too deeply")
+            raise RequestError(f"'{self.path}' is nested too deeply to be read")
         tag = name.rpartition(":")[2]
         if tag == "Placemark":
             self.texts = {}

@@ -152,7 +152,7 @@ class Occlusion:
         if targets_per_voxel is None:
             targets_per_voxel = volume.targets_per_voxel
         if view not in ("telecentric", "perspective"):
-            raise RequestError(f"view '{view}' is unknown", "use telecentric or perspective")
+            raise RequestError(f"view '{view}' is unknown", "give telecentric or perspective")
         if not (targets_per_voxel >= 1 and targets_per_voxel == int(targets_per_voxel)):
             raise RequestError(
                 f"targets_per_voxel {targets_per_voxel:g} is not a whole number from 1"

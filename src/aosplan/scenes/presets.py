@@ -139,8 +139,8 @@ SCENES: dict[str, ScenePreset] = {
             "the occluders, hence H/o = 14.29 at the 2 % quantile of height"
         ),
         assumed=(
-            "occluder size 0.20 m, and with it every height: the paper gives ratios only; 0.20 m "
-            "makes the stand 20 m tall"
+            "occluder size 0.20 m, which determines all heights, because the paper gives "
+            "only ratios; with 0.20 m, the stand is 20 m tall"
         ),
     ),
     "savanna": ScenePreset(
@@ -156,8 +156,9 @@ SCENES: dict[str, ScenePreset] = {
             f"evergreen broadleaf forest {_BEPS}"
         ),
         assumed=(
-            "crown base at 0.4 of the height; occluder size 0.20 m (leaf sprays at twig ends); "
-            f"{_SPHERICAL}, too much for hanging eucalypt leaves, so p is an upper estimate"
+            "crown base at 0.4 of the height; occluder size 0.20 m (leaf sprays at twig "
+            f"ends); {_SPHERICAL}, which is too large for hanging eucalypt leaves, so p is "
+            "an upper estimate"
         ),
     ),
     # 14 m² per tree: a crown 4.2 m wide, in a growing space of 29 m².
@@ -192,9 +193,9 @@ SCENES: dict[str, ScenePreset] = {
             f"0.62: evergreen needleleaf forest {_BEPS}"
         ),
         assumed=(
-            "both stands are alike, though the second counts sawlog-sized trees only; occluder "
-            f"size 0.25 m (needle-bearing branch ends); {_SPHERICAL}; young spruce below is left "
-            "out"
+            "both stands are assumed to be similar, although the second counts only "
+            "sawlog-sized trees; occluder size 0.25 m (needle-bearing branch ends); "
+            f"{_SPHERICAL}; young spruce below is left out"
         ),
     ),
     # 4.1 m² per pine: a crown 2.3 m wide, in a growing space of 6.2 m².
@@ -213,9 +214,9 @@ SCENES: dict[str, ScenePreset] = {
             f"{_BEPS}"
         ),
         assumed=(
-            "the middle of both ranges, LAI = 3.5 and height 17 m; that the stand has reached the "
-            "crown ratio 0.40; occluder size 0.25 m (tufts of long needles at branch ends); "
-            f"{_SPHERICAL}; hardwoods below the pines are left out"
+            "LAI = 3.5 and height 17 m, the middle of both ranges; crown ratio 0.40; "
+            f"occluder size 0.25 m (tufts of long needles at branch ends); {_SPHERICAL}; "
+            "hardwoods below the pines are left out"
         ),
     ),
     "mixed-forest": ScenePreset(
@@ -252,9 +253,9 @@ SCENES: dict[str, ScenePreset] = {
             "to 6.7 (Asner, Scurlock, Hicke 2003, Global Ecology and Biogeography 12:191-205)"
         ),
         assumed=(
-            "the optically measured LAI is not yet reduced by clumping (p = 0.97 if it is); "
-            "Finnish crown ratios; occluder size 0.20 m (sprays of twigs along a branch); "
-            f"{_SPHERICAL}"
+            "the optically measured LAI is assumed not to be reduced by clumping (otherwise "
+            "p = 0.97); Finnish crown ratios; occluder size 0.20 m (sprays of twigs along a "
+            f"branch); {_SPHERICAL}"
         ),
     ),
     "broadleaf-forest": ScenePreset(
@@ -264,17 +265,17 @@ SCENES: dict[str, ScenePreset] = {
         volume_base_m=2.8,
         volume_height_m=19.6,
         source=(
-            "AmeriFlux site Willow Creek, Wisconsin, core measurements: LAI = 5.36 from litter "
-            "traps, canopy height 24.2 m, LAI by metre of height: above 2 m, mean height 12.6 m "
-            "and 2 % quantile 3.2 m, which the volume reproduces; clumping index 0.70: deciduous "
-            f"broadleaf forest {_BEPS}. Beech is alike: plant area index 5.1, crowns to 35 m, at "
-            "Hainich, LAI = 4.2, 224 stems/ha, trees to 37 m, at Leinefelde (University of "
-            "Göttingen, site pages)"
+            "AmeriFlux site Willow Creek, Wisconsin, core measurements: LAI = 5.36 from "
+            "litter traps, canopy height 24.2 m, LAI by metre of height (above 2 m, the mean "
+            "height is 12.6 m and the 2 % quantile is 3.2 m, as in the volume); clumping "
+            f"index 0.70: deciduous broadleaf forest {_BEPS}. Beech is similar: plant area "
+            "index 5.1, crowns up to 35 m (Hainich); LAI = 4.2, 224 stems/ha, trees up to 37 "
+            "m (Leinefelde) (University of Göttingen, site pages)"
         ),
         assumed=(
-            "leaves below 2 m do not count as canopy; occluder size 0.20 m (leaf sprays at twig "
-            f"ends); {_SPHERICAL}, too little for level shade leaves, so p is a lower estimate; "
-            "even-aged beech has its crown base much higher"
+            "leaves below 2 m do not count as canopy; occluder size 0.20 m (leaf sprays at "
+            f"twig ends); {_SPHERICAL}, which is too small for horizontal shade leaves, so p "
+            "is a lower estimate; the crown base of even-aged beech is much higher"
         ),
     ),
     "broadleaf-leafless": ScenePreset(
@@ -308,9 +309,9 @@ SCENES: dict[str, ScenePreset] = {
             f"deviation 8.2 m; clumping index 0.63: evergreen broadleaf forest {_BEPS}"
         ),
         assumed=(
-            "both forests are alike; leaves fill the height evenly from 2 m up, and what stands "
-            "below 2 m is left out; occluder size 0.25 m (large leaves and their clusters); "
-            f"{_SPHERICAL}; trees above the mean canopy height are left out"
+            "both forests are assumed to be similar; leaves fill the height evenly from 2 m "
+            "upwards; plants below 2 m are left out; occluder size 0.25 m (large leaves and "
+            f"their clusters); {_SPHERICAL}; trees above the mean canopy height are left out"
         ),
     ),
     "dense-forest": ScenePreset(

@@ -132,7 +132,7 @@ class UniformScene:
             raise RequestError(
                 f"scene '{self.name}' has {count} slices of its occluders' size, more than "
                 f"{MOST_SLICES}",
-                "larger occluders, or the uniform model, which needs no slices",
+                "give a larger --occluder-size, or --model uniform",
             )
         thickness = self.volume_height_m / count
         density = (
@@ -207,7 +207,7 @@ class LayeredScene:
                 raise RequestError(
                     f"{place}: bottom_m {layer.bottom_m:g} is below the top of the layer before "
                     f"it, {previous_top:g}",
-                    "list the layers from the ground up, without overlap",
+                    "list the layers from the lowest to the highest, without overlap",
                 )
             previous_top = layer.top_m
         if self.measured_density is not None:

@@ -346,6 +346,6 @@ def too_many_voxels(size_m: Sequence[float], voxel_m: float, where: str) -> Requ
     return RequestError(
         f"{where} needs too many voxels of {voxel_m:g} m for its {width_m:.4g} x "
         f"{depth_m:.4g} x {height_m:.4g} m",
-        f"voxels of {rounded_up(enough_m, 2)} m are few enough"
-        + (", or --crop takes a part" if where.startswith("point cloud") else ""),
+        f"give --voxel {rounded_up(enough_m, 2)}"
+        + (", or use a part of the cloud (--crop)" if where.startswith("point cloud") else ""),
     )

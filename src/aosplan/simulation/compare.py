@@ -296,12 +296,13 @@ def experiment_of(plan: Plan, settings: Settings) -> tuple[Settings, Experiment 
     check_views(plan.solution.pattern.samples)
     if plan.inputs.hold_error_m > 0.0:
         raise RequestError(
-            f"--hold-error {plan.inputs.hold_error_m:g}: a simulation flies to every site exactly",
+            f"--hold-error {plan.inputs.hold_error_m:g}: a simulation takes each photo "
+            "exactly at its site",
             "simulate the plan without --hold-error",
         )
     if plan.inputs.rays not in (None, "nadir"):
         raise RequestError(
-            f"--rays {plan.inputs.rays}: a simulation always traces the real rays",
+            f"--rays {plan.inputs.rays}: a simulation always traces the slanted rays",
             "simulate the plan with --rays nadir",
         )
     above = plan.scene.above(plan.inputs.focal_height_m)
@@ -309,7 +310,7 @@ def experiment_of(plan: Plan, settings: Settings) -> tuple[Settings, Experiment 
     if settings.occluders != "cubes" and settings.forest not in OF_OCCLUDERS:
         raise RequestError(
             f"--occluders {settings.occluders} with --forest {settings.forest}",
-            f"it goes with the forests that are generated: {', '.join(OF_OCCLUDERS)}",
+            f"give --occluders only with the generated forests {', '.join(OF_OCCLUDERS)}",
         )
     if above is None or plan.coverage is None:
         return settings, None, plan.solution.prediction
@@ -346,7 +347,7 @@ def pictures(simulation: Simulation) -> Pictures:
     from aosplan.simulation.ssim import similarity
 
     if simulation.experiment is None:
-        raise RequestError("no occluder is above the focal plane: there is nothing to draw")
+        raise RequestError("no occluder is above the focal plane, so there is nothing to draw")
     shown = p.panels(*simulation.experiment.images(), simulation.views)
     return Pictures(
         p.png(p.side_by_side([shown.single, shown.integral, shown.endless])),
@@ -369,8 +370,9 @@ def _forest(plan: Plan, settings: Settings) -> str:
     """
     if plan.approximation is not None:
         raise RequestError(
-            f"scene '{plan.inputs.scene_name}' contains a correlogram but no voxels to simulate",
-            "simulate its point cloud or .npz, or plan with --model layered",
+            f"scene '{plan.inputs.scene_name}' contains a correlogram, but no voxels that "
+            "could be simulated",
+            "give the point cloud or a .npz as --scene, or give --model layered",
         )
     kind = "cloud" if plan.volume is not None else plan.scene.kind
     forest = settings.forest or FOREST_OF[kind]
@@ -456,8 +458,8 @@ def _target_area(plan: Plan, view: ViewKind) -> tuple[float, float]:
         return across, along  # The size has no effect, because each target has its own aperture.
     if min(along, across) <= 0.0:
         raise RequestError(
-            "no ground is seen by all samples, so there are no targets to simulate",
-            "--view telecentric simulates a target in the middle of the aperture",
+            "no ground is in all photos, so there are no targets to simulate",
+            "give --view telecentric, with which each target is below the centre of its own grid",
         )
     return across, along
 

@@ -188,7 +188,7 @@ def _searches(plan: Plan, forest: str, seed: int, forests: int) -> Iterator[Sear
     heading = plan.heading_deg if forest == "cloud" else 0.0
     sites = np.column_stack(local_sites(pattern, baseline, heading))
     if above is None or plan.coverage is None:
-        raise RequestError("no occluder is above the focal plane: there is nothing to search")
+        raise RequestError("no occluder is above the focal plane, so there is nothing to search")
     if forest in ("uniform", "layered"):
         for index in range(forests):
             yield search_layers(above.slices(), sites, altitude, look, seed=seed, index=index)
@@ -197,8 +197,8 @@ def _searches(plan: Plan, forest: str, seed: int, forests: int) -> Iterator[Sear
         raise RequestError("--forest cloud needs the voxels of a point cloud")
     if forest not in ("clumped", "cloud"):
         raise RequestError(
-            f"--forest {forest}: a search needs uniform, layered, clumped or cloud",
-            "a search cannot be made in noise patterns",
+            f"--forest {forest}: give --forest uniform, layered, clumped or cloud",
+            "noise patterns have no ground on which targets could lie",
         )
     for index in range(forests):
         volume, height = plan.volume, plan.request.focal_height

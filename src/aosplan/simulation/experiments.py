@@ -84,7 +84,7 @@ def check_views(samples: int | None) -> None:
     """Refuse to simulate more than `MOST_VIEWS` samples."""
     if samples is not None and samples > MOST_VIEWS:
         raise RequestError(
-            f"the plan has {samples} samples, but at most {MOST_VIEWS} are simulated",
+            f"the plan has {samples} samples, but at most {MOST_VIEWS} can be simulated",
             "give a smaller --samples or --max-samples",
         )
 
@@ -193,16 +193,16 @@ class ForestExperiment(NamedTuple):
         )
         if steepest > STEEPEST:
             raise RequestError(
-                f"rays are up to {math.degrees(math.atan(steepest)):.0f} degrees off nadir, and no "
-                "more than 45 are simulated",
-                "a smaller aperture, or --forest noise",
+                f"rays are up to {math.degrees(math.atan(steepest)):.0f} degrees off nadir, "
+                "but only rays up to 45 degrees can be simulated",
+                "plan a smaller grid (--max-aperture), or give --forest noise",
             )
         width, depth = (self._plot_m(axis, side) for axis, side in enumerate(self.patch_m))
         if width * depth * self.top_m > MOST_VOXELS * self.occluder_size_m**3:
             raise RequestError(
                 f"occluders of {self.occluder_size_m:g} m are too small for a volume of "
                 f"{width:.4g} x {depth:.4g} x {self.top_m:.4g} m",
-                "a smaller aperture, or --forest noise",
+                "plan a smaller grid (--max-aperture), or give --forest noise",
             )
 
     @property

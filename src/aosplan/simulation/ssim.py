@@ -65,7 +65,7 @@ def similarity(
     if min(image.shape[:2]) < WINDOW_PX:
         raise RequestError(
             f"images of {sizes[0]} pixels are too small to compare",
-            f"their similarity is that of windows of {WINDOW_PX} x {WINDOW_PX}",
+            f"the similarity is computed in windows of {WINDOW_PX} x {WINDOW_PX}",
         )
     if covered is None:
         covered = np.ones(image.shape[:2], dtype=np.bool_)
@@ -73,7 +73,7 @@ def similarity(
     if not inside.any():
         raise RequestError(
             f"no {WINDOW_PX} x {WINDOW_PX} pixels are covered in both images",
-            "a finer --gsd, a larger --extent, or fewer --min-views",
+            "give a smaller --gsd, a larger --extent, or a smaller --min-views",
         )
     if span is None:
         span = float(np.ptp(reference[covered]))

@@ -10,8 +10,8 @@ from aosplan.grid.patterns import MOST_SITES
 from aosplan.solver.problem import reached_text, target_text
 
 LIFT_GROUND = (
-    "fly higher, use a wider camera, give a lower target, or remove this "
-    "limit with --allow-no-common-ground"
+    "fly higher, use a camera with a wider field of view, give a lower target, or give "
+    "--allow-no-common-ground"
 )
 """Hint for a grid that cannot be large enough, because all samples have to see common ground."""
 
@@ -24,8 +24,8 @@ def best_text(symbol: str, reached: float, samples: int, baseline_m: float) -> s
 def beyond_scene(symbol: str, target: float, least: float, most: float) -> str:
     """Error: no number of samples reaches the target in this scene."""
     return (
-        f"{target_text(symbol, target)} is out of reach for this scene: one sample has "
-        f"{least:.4g}, infinitely many have {most:.4g}"
+        f"{target_text(symbol, target)} is out of reach for this scene: one photo reaches "
+        f"{least:.4g}, and infinitely many photos reach {most:.4g}"
     )
 
 
@@ -34,16 +34,16 @@ def beyond_samples(
 ) -> str:
     """Error: the given number of samples does not reach the target at any baseline."""
     return (
-        f"{target_text(symbol, target)} is out of reach with --samples {samples}: at most "
-        f"{reached_text(symbol, reached)}, {widest_m:.4g} m apart"
+        f"{target_text(symbol, target)} is out of reach with --samples {samples}; the best "
+        f"grid reaches {reached_text(symbol, reached)}, with photos {widest_m:.4g} m apart"
     )
 
 
 def beyond_max_samples(symbol: str, target: float, needed: int, most: int, best: str) -> str:
     """Error: the target needs more samples than the bound allows."""
     return (
-        f"{target_text(symbol, target)} needs at least {needed} samples, more than --max-samples "
-        f"{most}: at most {best}"
+        f"{target_text(symbol, target)} needs at least {needed} samples, more than "
+        f"--max-samples {most}; the best grid reaches {best}"
     )
 
 
@@ -63,9 +63,12 @@ def beyond_bounds(
     if max_samples is not None:
         bounds.append(f"--max-samples {max_samples}")
     if on_ground:
-        bounds.append("a grid that leaves ground that all samples see")
+        bounds.append("a grid for which some ground is in all photos")
     within = " and ".join(bounds) or "any baseline"
-    return f"{target_text(symbol, target)} is out of reach within {within}: at most {best}"
+    return (
+        f"{target_text(symbol, target)} is out of reach within {within}; the best grid reaches "
+        f"{best}"
+    )
 
 
 def beyond_baseline(
@@ -87,8 +90,9 @@ def beyond_ground(
 ) -> str:
     """Error: at the given baseline, the samples have no common ground that all of them see."""
     return (
-        f"{target_text(symbol, target)} at --baseline {baseline_m:g} needs {samples} samples, and no "
-        f"ground is seen by all of them unless the baseline is below {widest_m:.4g} m"
+        f"{target_text(symbol, target)} at --baseline {baseline_m:g} needs {samples} "
+        "samples, and no ground is in all of these photos, unless the baseline is below "
+        f"{widest_m:.4g} m"
     )
 
 
@@ -140,7 +144,7 @@ def opaque_scene(name: str) -> str:
 
 
 def _altitude_text(altitude_m: float, *, given: bool) -> str:
-    return f"altitude {altitude_m:.6g} m" + ("" if given else ", solved from the resolution,")
+    return f"altitude {altitude_m:.6g} m" + ("" if given else ", computed from the resolution,")
 
 
 def _canopy_text(top_m: float) -> str:

@@ -162,7 +162,7 @@ def out_of_scan(
     if reached is None:
         return InfeasibleError(
             f"{requirement} is out of reach: no grid is at most {widest:.4g} m long",
-            "allow a longer grid (--max-aperture), or a smaller baseline",
+            "allow a longer grid (--max-aperture), or give a smaller baseline",
         )
     pattern, baseline, prediction = reached
     extent = pattern.longer_side * baseline
@@ -171,7 +171,7 @@ def out_of_scan(
         f"to {most} samples and at most {widest:.4g} m long reaches "
         f"{value_text(problem, prediction)}, with {pattern.samples} samples "
         f"{baseline:.4g} m apart over {extent:.4g} m",
-        "give a lower target, or --optimize contrast or --optimize visibility",
+        "give a lower target, or give --optimize contrast or --optimize visibility",
     )
 
 

@@ -199,7 +199,11 @@ def solve_best(
         return best
     notes = {
         choice.problem.name: f"{choice.problem.name} {choice.measure:.4g}"
-        + (" without ground that all samples see" if grounded and choice not in grounded else "")
+        + (
+            " because no ground would be in all photos"
+            if grounded and choice not in grounded
+            else ""
+        )
         for choice in found
         if choice is not best
     }
@@ -241,7 +245,7 @@ def _with_reason(best: Alternative, notes: dict[str, str], problems: Sequence[Pr
     """The best solution, with a limit that names the alternatives in the comparison."""
     objective = best.problem.objective
     hopeless = [p.name for p in problems if p.name not in (best.problem.name, *notes)]
-    message = f"{best.problem.name} is the best by {MEASURES[objective]}, {best.measure:.4g}"
+    message = f"{best.problem.name} has the best {MEASURES[objective]}, {best.measure:.4g}"
     if notes:
         message += f"; {_some(list(notes.values()))}"
     if hopeless:
@@ -260,7 +264,7 @@ def _some(texts: Sequence[str]) -> str:
 
 def _none_of(problems: Sequence[Problem], failed: Sequence[InfeasibleError]) -> InfeasibleError:
     others = _some([problem.name for problem in problems[1:]])
-    return InfeasibleError(f"{failed[0].message}; nor do {others} reach it", failed[0].hint)
+    return InfeasibleError(f"{failed[0].message}; {others} do not reach it either", failed[0].hint)
 
 
 def headings_worth_a_look(problem: Problem, solution: Solution) -> list[tuple[float, float]]:
@@ -301,8 +305,8 @@ def other_heading(chosen: Alternative) -> str:
     if gain < HEADING_MATTERS:
         return ""
     return (
-        f"at --heading {heading:g}, V̂ of this grid would be about {gain:.2f} "
-        "higher; --heading best compares the headings"
+        f"at --heading {heading:g}, V̂ of this grid would be about {gain:.2f} higher; "
+        "--heading best chooses the best heading"
     )
 
 

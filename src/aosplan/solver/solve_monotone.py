@@ -120,9 +120,8 @@ def _for_baseline(problem: Problem, baseline_m: float) -> Solution:
                 *asked, baseline_m, samples, bounded=bounds.max_samples is not None
             ),
             f"from --baseline {rounded_up(problem.model.independent_baseline_m)} on, "
-            "neighbours share no occluder, and "
-            f"{problem.grid.pattern(_fewest_independent(problem)).samples} samples are "
-            "enough",
+            "neighbouring photos share no occluder, and "
+            f"{problem.grid.pattern(_fewest_independent(problem)).samples} photos are enough",
         )
     pattern = problem.grid.pattern(samples)
     if bounds.ground is not None and not bounds.ground.allows(pattern, baseline_m):
@@ -135,7 +134,7 @@ def _for_baseline(problem: Problem, baseline_m: float) -> Solution:
     if most is not None and extent > most * (1.0 + TOLERANCE):
         raise InfeasibleError(
             refusals.beyond_aperture(*asked, baseline_m, samples, extent, most),
-            "leave the baseline free, or allow a larger aperture",
+            "leave --baseline out, or give a larger --max-aperture",
         )
     return _solution(problem, pattern, baseline_m)
 
@@ -149,8 +148,8 @@ def _for_samples(problem: Problem, samples: int) -> Solution:
             refusals.beyond_samples(
                 *requirement.asked, samples, requirement.value_of(prediction), widest
             ),
-            f"it needs at least {_fewest_independent(problem)} samples; with "
-            "--baseline too, the given grid is evaluated",
+            f"it needs at least {_fewest_independent(problem)} photos; if --baseline is "
+            "given as well, the given grid is evaluated",
         )
     return _solution(problem, pattern, _preferred_baseline_m(problem, pattern))
 
@@ -230,7 +229,7 @@ def _least_aperture_or_none(problem: Problem) -> Solution | None:
             baseline = problem.smallest_baseline_m(pattern)
             assert baseline is not None
             return _solution(problem, pattern, baseline)
-    raise AssertionError("the least extent is a frame's own")
+    raise AssertionError("no frame has the least extent")
 
 
 def _densest(problem: Problem, frame: AnyFrame) -> AnyPattern:
@@ -321,7 +320,7 @@ def _fewest_independent(problem: Problem) -> int:
         high = low * (1.0 + high)
         raise InfeasibleError(
             refusals.beyond_scene(*problem.requirement.asked, low, high),
-            f"give a --visibility below {high:.4g}, or a --vhat",
+            f"give a --visibility below {high:.4g}, or give --vhat instead",
         )
     return fewest
 
@@ -377,10 +376,10 @@ def _out_of_reach(problem: Problem) -> InfeasibleError:
                 bounds.max_samples,
                 _best_within(problem._replace(objective="aperture")),
             ),
-            f"allow {fewest} samples, or give a lower target"
+            f"give --max-samples {fewest}, or a lower target"
             if bounds.max_aperture_m is None
             else (
-                f"raise --max-samples to {fewest} or more, and --max-aperture, or give a "
+                f"give --max-samples {fewest} or more and a larger --max-aperture, or give a "
                 "lower target"
             ),
         )
@@ -408,7 +407,7 @@ def _best_within(problem: Problem) -> str:
     )
     best = min(reachable, key=lambda found: found[0].shortfall, default=None)
     if best is None:
-        return "nothing, because no grid of this kind has so few samples"
+        return "nothing, because no grid of this kind has so few photos"
     prediction, pattern, baseline = best
     requirement = problem.requirement
     reached = requirement.value_of(prediction)

@@ -57,7 +57,7 @@ class Aggregation:
                 return
             raise RequestError(
                 f"'{self.path}' contains the results of an interrupted sweep",
-                "--resume continues it, --force starts again",
+                "--resume continues it, and --force starts again",
             )
         try:
             with open(self.path, encoding="utf-8") as file:

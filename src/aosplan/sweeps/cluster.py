@@ -152,7 +152,7 @@ def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:
             raise RequestError(
                 f"{named.option} '{named.value}' is a file of the current folder, which workers do "
                 "not share",
-                "put it into the folder of the sweep's file, or give its full path",
+                "put this file into the folder of the sweep's file, or give its full path",
             )
     return tuple((file, os.path.getsize(file)) for file in sorted(files))
 
@@ -175,7 +175,7 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
     if not os.path.isdir(task.folder):
         raise SurroundingsError(
             f"{_place()} does not see the folder '{os.path.dirname(task.folder)}'",
-            "--out has to be a path that this machine and all workers see under the same name",
+            "give --out as a path that this machine and all workers see under the same name",
         )
     _begin(task.folder, task.files)
     try:
@@ -186,7 +186,7 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
         reason = (error.strerror or str(error)).lower()
         raise SurroundingsError(
             f"{_place()} cannot write '{error.filename or task.path}': {reason}",
-            f"{RESUME} once it can be written",
+            f"when it can be written, {RESUME}",
         ) from None
 
 
@@ -200,7 +200,7 @@ def _begin(_folder: str, files: tuple[tuple[str, int], ...]) -> None:
         if not os.path.isfile(file) or os.path.getsize(file) != size:
             raise SurroundingsError(
                 f"{_place()} does not see the file '{file}' as this machine does",
-                "files of scenarios need a path that all workers see under the same name",
+                "give files of scenarios with a path that all workers see under the same name",
             )
 
 
@@ -250,7 +250,8 @@ def _connected(address: str) -> Iterator[Any]:
     """
     if not ADDRESS.fullmatch(address):
         raise RequestError(
-            f"--scheduler '{address}' is not an address", "such as 10.0.0.5:8786 or tcp://head:8786"
+            f"--scheduler '{address}' is not an address",
+            "give an address such as 10.0.0.5:8786 or tcp://head:8786",
         )
     library = dask()
     from dask import config
@@ -292,8 +293,8 @@ async def _ask(address: str) -> None:
         ) from error
     if answer.get("type") != "Scheduler":
         raise RequestError(
-            f"at '{address}' is a {str(answer.get('type')).lower()}, not a scheduler",
-            "`dask scheduler` prints its address",
+            f"at '{address}' is not a scheduler but a {str(answer.get('type')).lower()}",
+            "give the address that `dask scheduler` prints",
         )
 
 
@@ -403,7 +404,7 @@ def result_of(future: Any, index: int) -> Part | None:
     if isinstance(error, dask().KilledWorker):
         raise SurroundingsError(
             f"part {index} of the sweep: every worker that started it died",
-            f"perhaps for lack of memory; workers with fewer threads need less; {RESUME}",
+            f"the memory may be too small, and workers with fewer threads need less; {RESUME}",
         )
     raise SurroundingsError(
         f"part {index} of the sweep failed on a worker: {type(error).__name__}: {error}", RESUME

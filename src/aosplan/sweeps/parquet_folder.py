@@ -43,7 +43,9 @@ def check_folder(out: str, *, resume: bool, force: bool) -> None:
             f"output '{out}' is a folder, which contains Parquet files", "leave out the last /"
         )
     if not os.path.isdir(above):
-        raise RequestError(f"output '{out}': there is no folder '{above}'", "create it first")
+        raise RequestError(
+            f"output '{out}': there is no folder '{above}'", "create this folder first"
+        )
     if not os.path.isdir(place):
         if os.path.lexists(place):
             raise RequestError(f"output '{out}' is a file", "leave out the last /")
@@ -57,7 +59,7 @@ def check_folder(out: str, *, resume: bool, force: bool) -> None:
     if os.listdir(place) and not (resume or force):
         raise RequestError(
             f"output '{out}' exists",
-            "--resume rewrites the damaged parts, --force rewrites all parts",
+            "--resume rewrites the damaged parts, and --force rewrites all parts",
         )
 
 

@@ -82,7 +82,7 @@ class Parts:
             if not force:
                 raise RequestError(
                     f"'{self.folder}' contains parts of an interrupted sweep",
-                    "--resume continues it, --force starts again",
+                    "--resume continues it, and --force starts again",
                 )
             shutil.rmtree(self.folder)
         os.mkdir(self.folder)
@@ -103,7 +103,8 @@ class Parts:
         try:
             if not _is_first(handle, lock):
                 raise RequestError(
-                    f"another sweep is writing '{self.out}'", "wait for it, or name another --out"
+                    f"another sweep is writing '{self.out}'",
+                    "wait until it ends, or give another --out",
                 )
             try:
                 yield

@@ -123,7 +123,7 @@ def _run(
     except OSError as error:
         raise SurroundingsError(
             f"cannot write '{error.filename or out}': {(error.strerror or str(error)).lower()}",
-            "finished parts are kept: "
+            "finished parts are kept; "
             + (
                 "close the program that has it open, then --resume"
                 if is_locked(error)
@@ -216,8 +216,9 @@ def _solved(
                 process.terminate()  # The part that the process was writing is incomplete.
             if isinstance(error, BrokenProcessPool):
                 raise SurroundingsError(
-                    "a worker process died, perhaps for lack of memory",
-                    "finished parts are kept: --resume continues the sweep, --workers 1 needs the least memory",
+                    "a worker process died; the memory may be too small",
+                    "finished parts are kept; --resume continues the sweep, and --workers 1 "
+                    "needs the least memory",
                 ) from None
             raise
 

@@ -67,8 +67,8 @@ def _parsed(name: str, value: Any, place: str) -> Any:
         or (name == "altitude" and isinstance(found, str))
     ):
         raise RequestError(
-            f"{place} {shown(value)}: a sweep does not search within a time",
-            "aosplan plan --within does, one request at a time; a sweep with find has the "
+            f"{place} {shown(value)}: a sweep cannot search for plans within a time",
+            "use aosplan plan --within for a single request; a sweep with find computes the "
             "probability of detection of each row",
         )
     return found
@@ -213,7 +213,9 @@ def read_crossing(path: str) -> ScenarioProduct:
     table = read_table(path)
     sweep = table.get("sweep")
     if not isinstance(sweep, dict):
-        raise RequestError(f"'{path}' has no table [sweep]", "its keys are the options of `plan`")
+        raise RequestError(
+            f"'{path}' has no table [sweep]", "the keys of this table are options of `plan`"
+        )
     return crossing_of(sweep, f"'{path}': ", os.path.dirname(path))
 
 
@@ -337,7 +339,8 @@ def _check_size(frame: Any, path: str) -> None:
     if rows * columns > max(PLAIN_CELLS, CELLS_A_BYTE * stored):
         raise RequestError(
             f"'{path}' declares {rows} rows, more than its {stored} bytes hold",
-            "repeated options take less space in a TOML file with a table [sweep]",
+            "write the options as lists in a TOML file with a table [sweep], which takes "
+            "less space",
         )
 
 
@@ -345,12 +348,17 @@ def _check_names(names: Sequence[str], path: str) -> None:
     """Refuse columns that are not options, or that occur twice."""
     for place, name in enumerate(names):
         if name not in BY_NAME:
-            hint = nearest_hint(name, BY_NAME) or "`aosplan plan --help` lists them, with hyphens"
+            hint = nearest_hint(name, BY_NAME) or (
+                "`aosplan plan --help-all` lists the options; write underscores instead of hyphens"
+            )
             if name.startswith("__index_level_"):
-                hint = "pandas wrote its index: give to_parquet index=False"
+                hint = (
+                    "this column is the index of pandas; write the file with "
+                    "to_parquet(index=False)"
+                )
             raise RequestError(f"'{path}': column {shown(name)} is not an option of plan", hint)
         if name in names[:place]:
-            raise RequestError(f"'{path}' has two columns '{name}'", "keep one of them")
+            raise RequestError(f"'{path}' has two columns '{name}'", "give only one of them")
 
 
 def _parsed_column(frame: Any, name: str, path: str) -> NDArray[Any]:
@@ -449,9 +457,9 @@ def _check_room() -> None:
     if limit != resource.RLIM_INFINITY and limit - used < needed:
         raise SurroundingsError(
             "not enough memory for a sweep: the limit leaves "
-            f"{max(limit - used, 0) // 10**6} MB of addresses, but a sweep needs "
+            f"{max(limit - used, 0) // 10**6} MB of address space, but a sweep needs "
             f"{needed // 10**6} MB",
-            "ulimit -v sets the limit",
+            "give a higher limit with ulimit -v",
         )
 
 

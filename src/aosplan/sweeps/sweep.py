@@ -100,15 +100,17 @@ class Sweep(NamedTuple):
             condition = pl.sql_expr(self.where)
             if several := _of_several_rows(self.where):
                 raise RequestError(
-                    f"--where {self.where}: {several} uses several rows, but the condition is "
-                    "evaluated for each row alone",
-                    "--best keeps the row with the largest value of a column; filter the result for anything else",
+                    f"--where {self.where}: {several} needs several rows, but the condition "
+                    "can use only the values of one row",
+                    "--best keeps the row with the largest value of a column; for other "
+                    "selections, filter the result",
                 )
             return frame.filter(condition)
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise RequestError(
                 f"--where {self.where}: {str(error).splitlines()[0]}",
-                f"a condition such as 'samples <= 49'; columns: {', '.join(self.names)}",
+                "give a condition such as 'samples <= 49'; the columns are "
+                f"{', '.join(self.names)}",
             ) from None
 
     def best_of(self, frame: pl.DataFrame) -> pl.DataFrame:
@@ -161,7 +163,9 @@ def check(sweep: Sweep) -> None:
     if sweep.best and not schema[sweep.best.lstrip("-")].is_numeric():
         raise RequestError(
             f"--best {sweep.best}: '{sweep.best.lstrip('-')}' contains text, so it has no maximum",
-            f"--best with a column of numbers, such as {sweep.results[0]}" if sweep.results else "",
+            f"give --best with a column of numbers, such as {sweep.results[0]}"
+            if sweep.results
+            else "",
         )
     sweep.kept(polars().DataFrame(schema=schema))
 

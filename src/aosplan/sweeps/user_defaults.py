@@ -61,8 +61,8 @@ def with_defaults(
     for name in {name for each in found for name in each}:
         if not all(name in each for each in found):
             raise RequestError(
-                f"'{where}': {name} cannot be combined with every {' and '.join(deciding)} "
-                "of the sweep",
+                f"'{where}': {name} cannot be combined with all values of "
+                f"{' and '.join(deciding)} of the sweep",
                 f"give {name} in the sweep's own file, or --defaults none",
             )
     values = values | {name: column_of([value]) for name, value in found[0].items()}

@@ -60,7 +60,7 @@ def _machine(mission: Mission) -> wpml.Machine:
     name = str(mission.settings.drone)
     if name not in DRONES:
         raise RequestError(
-            f"{FORMAT.title} has no number for the drone '{name}'",
+            f"{FORMAT.title} has no code for the drone '{name}'",
             f"supported drones: {' and '.join(DRONES)}",
         )
     return wpml.Machine(name, DjiDrone(11_000, DRONES[name], None), GIMBAL)

@@ -81,17 +81,17 @@ def notes(missions: Sequence[Mission]) -> list[str]:
     """Assumptions of the file, one sentence each."""
     return_m = math.ceil(max(mission.return_m() for mission in missions))
     ways = (
-        "the file has no heading mode, no speed for the way to the first waypoint and no height for the "
-        "way home: set the heading mode to Custom (WD), the cruising speed in Litchi to "
-        f"{missions[0].transit_mps:.3g} m/s, the return height in DJI's app to {return_m} m or more, and "
-        "the mission's end to return home"
+        "the file contains no heading mode, no transit speed and no return height: in "
+        "Litchi, set the heading mode to Custom (WD) and the cruising speed to "
+        f"{missions[0].transit_mps:.3g} m/s; in DJI's app, set the return height to "
+        f"{return_m} m or more; set the action at the end of the mission to return home"
     )
     if missions[0].settings.altitude_frame != "terrain":
         return [ways]
     return [
         ways,
-        "Litchi assumes a take-off at the height of the ground below the first waypoint, so heights "
-        "above ground are correct only for a take-off at that height",
+        "Litchi's heights above ground are relative to the ground below the first waypoint, "
+        "so take off from ground of this height",
     ]
 
 

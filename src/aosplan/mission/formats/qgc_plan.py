@@ -92,8 +92,7 @@ def notes(missions: Sequence[Mission]) -> list[str]:
     if autopilot is not None:
         return found
     return [
-        "no autopilot is given, so the plan is for PX4; if ArduPilot flies it, give --autopilot "
-        "ardupilot",
+        "no autopilot is given, so the file is for PX4; for ArduPilot, give --autopilot ardupilot",
         *found,
     ]
 

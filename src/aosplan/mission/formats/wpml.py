@@ -236,8 +236,9 @@ def reference_notes(missions: Sequence[Mission]) -> list[str]:
     if not _has_reference(settings):
         return []
     return [
-        "the reference point of the take-off has the height above the ellipsoid that the terrain file "
-        f"gives, {settings.takeoff_ground_m:.1f} m; all other heights are above the take-off"
+        "the reference point of the take-off has the height of the terrain file above the "
+        f"ellipsoid, {settings.takeoff_ground_m:.1f} m; all other heights are above the "
+        "take-off"
     ]
 
 
@@ -249,13 +250,13 @@ def notes(missions: Sequence[Mission]) -> list[str]:
     if missions[0].settings.drone is None:
         found.insert(
             0,
-            f"no drone is given, so the file is for the {drone.name}, to which the camera {camera} belongs; "
-            "if another one flies it, give its --drone",
+            f"no drone is given, so the file is for the {drone.name}, to which the camera "
+            f"{camera} belongs; for another drone, give --drone NAME",
         )
     if not camera.startswith(drone.carries):
         found.append(
-            f"the camera {camera} is not one of {drone.carries}: photos are stored by its lens "
-            f"'{_lens(missions[0], drone)}'"
+            f"the camera {camera} is not one of {drone.carries}, so the file stores the "
+            f"photos of the drone's lens '{_lens(missions[0], drone)}'"
         )
     return found
 
@@ -292,7 +293,7 @@ PILOT = Dialect("http://www.dji.com/wpmz/1.0.2", machine)
 def _known(name: str, known: Mapping[str, _Value], kind: str, other: str) -> _Value:
     if name not in known:
         raise RequestError(
-            f"{FORMAT.title} has no number for the {kind} '{name}'",
+            f"{FORMAT.title} has no code for the {kind} '{name}'",
             f"supported: {', '.join(known)}{other}",
         )
     return known[name]

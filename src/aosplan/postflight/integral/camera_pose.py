@@ -183,7 +183,7 @@ def pose(matrix: Any, place: str) -> tuple[NDArray[np.float64], NDArray[np.float
             "M3x4 is [R|t], world to camera, with lengths in metres in t alone",
         )
     if np.abs(translation).max() > FARTHEST_M:
-        raise RequestError(f"{place}: the camera is farther than {FARTHEST_M:g} m")
+        raise RequestError(f"{place}: the camera is more than {FARTHEST_M:g} m from the origin")
     return rotation, translation
 
 
@@ -232,7 +232,7 @@ def named_camera(
         If both are given, or if the camera is unknown.
     """
     if name is not None and fov_deg is not None:
-        raise RequestError("--camera and --fov both give the camera", "leave one of them out")
+        raise RequestError("--camera and --fov both give the camera", "leave out one of them")
     if name is not None:
         from aosplan.camera.find import find_camera
 
@@ -249,7 +249,7 @@ def from_camera(camera: Camera) -> Callable[[int, int], Intrinsics]:
             raise RequestError(
                 f"camera '{camera.name}' makes images of {own[0]} x {own[1]} pixels, "
                 f"not {width} x {height}",
-                "a cropped image needs a camera file of its own, or --fov",
+                "for cropped images, give a camera file or --fov",
             )
         return Intrinsics(
             width,

@@ -41,7 +41,7 @@ BY_NUMBER = [
     ("RADIAL_FISHEYE", 5), ("THIN_PRISM_FISHEYE", 12),
 ]  # fmt: skip
 
-UNDISTORT = "colmap image_undistorter makes PINHOLE images of any model"
+UNDISTORT = "colmap image_undistorter converts images of any model to PINHOLE"
 
 
 def read_colmap(path: str) -> list[View]:
@@ -208,7 +208,7 @@ def _views(path: str, cameras: dict[str, Intrinsics]) -> Iterator[View]:
         if words[8] not in cameras:
             raise RequestError(f"{place}: camera {shown(words[8])} is not in cameras.txt")
         if "\0" in words[9]:
-            raise RequestError(f"{place}: the name holds a zero byte")
+            raise RequestError(f"{place}: the name contains a zero byte")
         rotation = _rotation(values[:4], place)
         yield View(words[9], rotation, np.array(values[4:]), cameras[words[8]])
 

@@ -57,9 +57,7 @@ def range_below(recording: Recording, indices: NDArray[np.intp]) -> tuple[float,
     near = indices[order]
     extent = float(np.hypot(*np.ptp(recording.positions_m[near], axis=0)))
     if not extent > 0.0:
-        raise RequestError(
-            "--focus: all views are from one place, where every plane looks the same"
-        )
+        raise RequestError("--focus is not possible, because all photos are from one place")
     sources = [recording.sources[index] for index in near]
     views = [source.view for source in sources]
     details = details_of(sources, LONGEST_PX)

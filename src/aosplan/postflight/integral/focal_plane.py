@@ -83,7 +83,7 @@ def upward(views: Sequence[View]) -> str:
     down = float(np.mean([view.forward[2] for view in views]))
     if abs(down) < 0.1:
         raise RequestError(
-            "the cameras look neither up nor down the world's z axis",
+            "the cameras do not look along the z axis of the world",
             f"give the upward axis: --up {' or '.join(UPS)}",
         )
     return "z" if down < 0.0 else "-z"
@@ -133,7 +133,7 @@ class Raster:
         if sides[0] * sides[1] > MOST_PIXELS:
             raise RequestError(
                 f"{sides[0]} x {sides[1]} pixels of {gsd_m:g} m are too many",
-                f"at most {MOST_PIXELS}: a larger --gsd, or a smaller --extent",
+                f"at most {MOST_PIXELS} are possible; give a larger --gsd or a smaller --extent",
             )
         return cls(left, top, gsd_m, sides[0], sides[1])
 
@@ -178,7 +178,7 @@ def footprint_m(plane: Plane, view: View, intrinsics: Intrinsics) -> NDArray[np.
             x, y = intrinsics.undistorted(x, y)
             if math.isnan(x):
                 raise RequestError(
-                    f"image '{view.name}': its lens distortion folds within the image",
+                    f"image '{view.name}': its lens distortion maps two points to the same pixel",
                     "calibrate the camera again, or undistort the images first",
                 )
         east, north, scale = inverse @ (x, y, 1.0)

@@ -134,10 +134,10 @@ def read_heights(text: str) -> tuple[float, float] | float | None:
         return None
     ends = text.split("..")
     if len(ends) > 2:
-        raise RequestError(f"--focus '{text}' is not a range", "auto, H or H1..H2 in metres")
+        raise RequestError(f"--focus '{text}' is not a range", "give auto, H or H1..H2 in metres")
     heights = [number(end, "--focus", "m") for end in ends]
     if max(map(abs, heights)) > FARTHEST_M:
-        raise RequestError(f"--focus '{text}' is farther than {FARTHEST_M:g} m")
+        raise RequestError(f"--focus '{text}' is more than {FARTHEST_M:g} m from the origin")
     return heights[0] if len(heights) == 1 else (heights[0], heights[1])
 
 
@@ -161,7 +161,7 @@ def search_of(
     if surface is not None:
         raise RequestError(
             f"--focus {focus} searches for a plane, which contradicts --focal-surface",
-            "--focal-height M raises the surface",
+            "to raise the surface, give --focal-height M",
         )
     return "auto" if found is None else found, focal_height_m
 
@@ -249,8 +249,8 @@ def find_focus(
     """
     if len(indices) < LEAST_VIEWS:
         raise RequestError(
-            f"--focus needs at least {LEAST_VIEWS} views, and there are {len(indices)}",
-            "--focal-height M gives the height of the plane",
+            f"--focus needs at least {LEAST_VIEWS} photos, and there are {len(indices)}",
+            "give the height of the plane with --focal-height M",
         )
     wide = None
     if heights_m is None and not recording.is_height_known:
@@ -265,10 +265,9 @@ def find_focus(
     start = float(few[int(np.argmax([each.value for each in coarse]))])
     if max(each.value for each in coarse) < WEAK:
         raise RequestError(
-            f"no plane from {low:g} to {high:g} m is in focus: halves of the views agree to "
-            f"{max(each.value for each in coarse):.2g} at best",
-            "--focus H1..H2 searches other heights, and --focal-height M sets the "
-            "height without a search",
+            f"no plane from {low:g} to {high:g} m is in focus: the best agreement between "
+            f"halves of the photos is {max(each.value for each in coarse):.2g}",
+            "give other heights with --focus H1..H2, or give the height with --focal-height M",
         )
     aligned = 0
     if align != "none":
@@ -362,9 +361,7 @@ class _Search:
         the cameras.
         """
         if not low < high:
-            raise RequestError(
-                f"--focus {low:g}..{high:g} is empty", "the lower height comes first"
-            )
+            raise RequestError(f"--focus {low:g}..{high:g} is empty", "give the lower height first")
         if not high < self.camera_m:
             raise RequestError(
                 f"--focus reaches {high:g} m, and the cameras are at {self.camera_m:.4g} m",
@@ -372,9 +369,7 @@ class _Search:
             )
         extent = float(np.hypot(*np.ptp(self._positions, axis=0)))
         if not extent > 0.0:
-            raise RequestError(
-                "--focus: all views are from one place, where every plane looks the same"
-            )
+            raise RequestError("--focus is not possible, because all photos are from one place")
         focal = self._sources[0].intrinsics.fx_px * min(
             LONGEST_PX / max(self._sources[0].intrinsics[:2]), 1.0
         )

@@ -133,7 +133,7 @@ def geojson_bytes(spots: Sequence[HotSpot], georeference: Georeference | None) -
     """
     if georeference is None:
         raise RequestError(
-            "--hot-spots needs photos with positions: these poses have no geographic coordinates"
+            "--hot-spots needs photos with positions: the poses have no geographic coordinates"
         )
     features: list[dict[str, Any]] = []
     if spots:

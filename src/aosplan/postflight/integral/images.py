@@ -102,7 +102,7 @@ class ImageFolder:
             raise RequestError(f"no folder '{path}'") from None
         except NotADirectoryError:
             raise RequestError(
-                f"'{path}' is not a folder", "IMAGES is the folder of the images"
+                f"'{path}' is not a folder", "give the folder of the images as IMAGES"
             ) from None
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
@@ -153,7 +153,7 @@ class ImageFolder:
         if alike:
             raise RequestError(
                 f"image '{name}' is not in '{self.path}', but {' and '.join(alike[:3])} are",
-                "leave one of them in the folder",
+                "leave only one of them in the folder",
             )
         raise RequestError(
             f"no image '{name}' in '{self.path}'", nearest_hint(name, self._names[:2000])

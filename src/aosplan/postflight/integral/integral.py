@@ -126,7 +126,7 @@ def integrate(
             progress(done)
     if sums is None or blind == done:
         raise RequestError(
-            f"none of the {done} views sees the extent",
+            f"none of the {done} photos shows the extent",
             "compare --extent and --focal-height with the positions of the cameras",
         )
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -146,7 +146,7 @@ def read_source(source: ViewSource, bands: int | None, block_px: int = 1) -> Pic
         raise RequestError(
             f"image '{source.path}' has {width} x {height} pixels, "
             f"its camera {source.intrinsics.width_px} x {source.intrinsics.height_px}",
-            "all images of a camera have the same size",
+            "all images of a camera must have the same size",
         )
     if bands is not None and picture.pixels.shape[2] != bands:
         kinds = {1: "grey", 3: "in colour"}

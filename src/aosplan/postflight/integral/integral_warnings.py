@@ -28,20 +28,20 @@ def integral_warnings(recording: Recording, integral: Integral, least: int) -> l
         found.append(
             (
                 "missing_images",
-                f"{count} of {count + len(recording.views)} poses have no image in the folder and "
-                f"are left out: {', '.join(recording.missing[:3])}{' ...' * (count > 3)}",
+                f"{count} of {count + len(recording.views)} poses have no image in the "
+                "folder, so they are left out: "
+                f"{', '.join(recording.missing[:3])}{' ...' * (count > 3)}",
             )
         )
     if integral.blind:
         found.append(
-            ("blind-views", f"{integral.blind} of {integral.views} views do not see the extent")
+            ("blind-views", f"{integral.blind} of {integral.views} photos do not show the extent")
         )
     if not integral.seen(least).any():
         found.append(
             (
                 "coverage",
-                f"no pixel is seen by {least} views, so the image is empty: give a smaller "
-                "--min-views",
+                f"no pixel is in {least} photos, so the image is empty; give a smaller --min-views",
             )
         )
     heights = recording.heights_m
@@ -50,8 +50,8 @@ def integral_warnings(recording: Recording, integral: Integral, least: int) -> l
             (
                 "heights",
                 f"cameras are {heights.min():.3g} to {heights.max():.3g} m above the focal "
-                "plane: check --focal-height, and whether photos of the take-off are "
-                "included",
+                "plane; check --focal-height, and leave out photos that were taken during "
+                "take-off",
             )
         )
     return [Message(code, message) for code, message in found]
@@ -66,9 +66,9 @@ def focus_warnings(focus: Focus | None) -> list[Message]:
         found.append(
             Message(
                 "focus_at_end",
-                f"the views agree best at {focus.ground.place:.4g} m, which is an end of "
-                "the searched heights: the ground may be outside; give other heights with "
-                "--focus H1..H2",
+                f"the photos agree best at {focus.ground.place:.4g} m, which is the lowest "
+                "or highest of the searched heights, so the ground may be outside; give "
+                "other heights with --focus H1..H2",
             )
         )
     count = len(focus.correction.shifts_m)
@@ -76,7 +76,7 @@ def focus_warnings(focus: Focus | None) -> list[Message]:
         found.append(
             Message(
                 "unaligned",
-                f"{count - focus.aligned} of {count} views show too little to be aligned",
+                f"{count - focus.aligned} of {count} photos show too little to be aligned",
             )
         )
     return found

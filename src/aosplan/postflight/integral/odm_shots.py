@@ -87,7 +87,7 @@ def _shot(feature: Any, place: str) -> tuple[Any, ...]:
     turn = _triple(properties.get("rotation"), f"{place}: rotation")
     position = _triple(properties.get("translation"), f"{place}: translation")
     if np.abs(position).max() > FARTHEST_M:
-        raise RequestError(f"{place}: the camera is farther than {FARTHEST_M:g} m")
+        raise RequestError(f"{place}: the camera is more than {FARTHEST_M:g} m from the origin")
     coordinates = geometry.get("coordinates")
     if not isinstance(coordinates, list) or len(coordinates) < 2:
         raise RequestError(f"{place}: coordinates are not longitude and latitude")

@@ -149,13 +149,15 @@ def _of_band(
     if not chosen:
         raise RequestError(
             f"--band {band}: folder '{folder}' contains no such photo",
-            f"it holds {', '.join(there)}" if there else "its photos do not name their camera",
+            f"it contains {', '.join(there)}"
+            if there
+            else "the photos in the folder do not name their camera",
         )
     kinds = {name: tags[name].band for name in chosen}
     if band == "visible" and {"wide", "zoom"} <= set(kinds.values()):
         raise RequestError(
             f"folder '{folder}' contains photos of a wide and of a zoom camera",
-            "--band wide or --band zoom",
+            "give --band wide or --band zoom",
         )
     return chosen
 
@@ -177,7 +179,7 @@ def _looking_down(
                 if tilted
                 else ""
             ),
-            "the gimbal's pitch is -90 degrees for a photo straight down",
+            "for a photo straight down, the pitch of the gimbal is -90 degrees",
         )
     return left, tilted
 
@@ -198,8 +200,8 @@ def _turned(tags: Mapping[str, PhotoMetadata]) -> list[Message]:
     return [
         Message(
             "orientation",
-            f"{len(turned)} photos have an EXIF orientation other than 1 and are not turned: their "
-            "yaw, pitch and roll are taken as those of the sensor, whose pixels the files contain: "
+            f"{len(turned)} photos have an EXIF orientation other than 1 and are not turned, "
+            "because their yaw, pitch and roll are assumed to be those of the sensor: "
             + named(turned),
         )
     ]

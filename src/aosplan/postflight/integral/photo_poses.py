@@ -148,7 +148,11 @@ def _plan_of(folder: str, options: PhotoOptions) -> tuple[_Plan, list[Message]]:
         if not os.path.isfile(beside):
             return _Plan(), []
         path = beside
-        said.append(Message("plan", f"values that the photos do not have are taken from '{path}'"))
+        said.append(
+            Message(
+                "plan", f"values that the tags of the photos do not contain are taken from '{path}'"
+            )
+        )
     document = read_table(path)
     request = document.get("request", document)
     if not isinstance(request, dict):
@@ -213,13 +217,14 @@ def _heights(
         return sea - sea.mean() + plan.altitude_m, [
             Message(
                 "altitudes",
-                "the photos have only heights above sea level: their differences are "
-                f"used, with a mean of {plan.altitude_m:g} m",
+                "the photos have only heights above sea level, so their differences are used "
+                f"together with a mean height of {plan.altitude_m:g} m",
             )
         ]
     return np.full(len(relative), plan.altitude_m), [
         Message(
-            "altitudes", f"the photos have no heights: {plan.altitude_m:g} m is assumed for all"
+            "altitudes",
+            f"the photos have no heights, so a height of {plan.altitude_m:g} m is assumed for all",
         )
     ]
 
@@ -249,7 +254,7 @@ def _rotations(
         messages.append(
             Message(
                 "pitch",
-                f"{len(level)} photos have no pitch and are assumed to look straight down: "
+                f"{len(level)} photos have no pitch, so they are assumed to look straight down: "
                 + named(level),
             )
         )
@@ -257,8 +262,8 @@ def _rotations(
         messages.append(
             Message(
                 "yaw",
-                f"{len(turned)} photos have no yaw; {plan.heading_deg:g} degrees is "
-                f"assumed for them: {named(turned)}",
+                f"{len(turned)} photos have no yaw; {plan.heading_deg:g} degrees are assumed "
+                f"for them: {named(turned)}",
             )
         )
     return found, messages
@@ -337,8 +342,8 @@ def _lenses(
     return found, [
         Message(
             "camera",
-            f"{len(lacking)} photos have no focal length; the camera of the plan is "
-            f"used: {plan.camera}",
+            f"{len(lacking)} photos have no focal length, so the camera of the plan is used: "
+            f"{plan.camera}",
         )
     ]
 

@@ -40,7 +40,7 @@ def read_poses(path: str) -> list[View]:
     else:
         views = _read_json(path)
     if not views:
-        raise RequestError(f"'{path}' holds no images")
+        raise RequestError(f"'{path}' contains no images")
     names: set[str] = set()
     for view in views:
         if view.name in names:
@@ -55,7 +55,7 @@ def _read_json(path: str) -> list[View]:
     if not isinstance(images, list):
         raise RequestError(
             f"'{path}' has no list 'images'",
-            'the AOS project writes {"images": [{"imagefile": …, "M3x4": …}, …]}',
+            'the format of the AOS project is {"images": [{"imagefile": …, "M3x4": …}, …]}',
         )
     shared = _camera(table["camera"], f"'{path}': camera") if "camera" in table else None
     return [_view(image, index, path, shared) for index, image in enumerate(images, 1)]

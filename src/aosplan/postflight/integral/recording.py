@@ -277,7 +277,7 @@ def _fitted(view: View, path: str) -> Intrinsics:
     if abs(width * own.height_px - height * own.width_px) > max(own.width_px, own.height_px):
         raise RequestError(
             f"image '{path}' has {width} x {height} pixels, its photo {own.width_px} x {own.height_px}",
-            "the image may be a scaled photo, but not a part of a photo",
+            "a scaled photo is possible, but not a part of a photo",
         )
     return own.scaled(width, height)
 
@@ -296,5 +296,5 @@ def least_views(text: str, views: int) -> int:
         return max(math.ceil(share(text, "--min-views") * views - 1e-9), 1)
     least = whole(text, "--min-views")
     if least > views:
-        raise RequestError(f"--min-views {least} is more than the {views} views that are chosen")
+        raise RequestError(f"--min-views {least} is more than the {views} photos that are selected")
     return least

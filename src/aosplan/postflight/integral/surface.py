@@ -37,7 +37,8 @@ def read_slope(text: str) -> tuple[float, float]:
     parts = text.split(",")
     if len(parts) != 2:
         raise RequestError(
-            f"--slope '{text}' is not X,Y", "0.05,-0.03 or 5%,-3%: rise by east and north"
+            f"--slope '{text}' is not X,Y",
+            "give the rise to the east and to the north, such as 0.05,-0.03 or 5%,-3%",
         )
     found = [
         number(part.rstrip("% "), "--slope") / (100.0 if part.strip().endswith("%") else 1.0)
@@ -68,9 +69,8 @@ def relief_of(
 
     if georeference is None:
         raise RequestError(
-            "--focal-surface needs photos with positions: these poses have no "
-            "geographic coordinates",
-            "--slope X,Y tilts the plane",
+            "--focal-surface needs photos with positions: the poses have no geographic coordinates",
+            "to tilt the plane, give --slope X,Y",
         )
     rows = np.linspace(0.5, raster.rows - 0.5, min(raster.rows, MOST_NODES))
     columns = np.linspace(0.5, raster.columns - 0.5, min(raster.columns, MOST_NODES))
@@ -121,7 +121,9 @@ def read_stack(text: str) -> list[float]:
     first, last = number(low, "--stack", "m"), number(high, "--stack", "m")
     pitch = positive(step, "--stack", "m") if colon else 1.0
     if not first < last:
-        raise RequestError(f"--stack '{text}' is empty", "the lower height comes first: 0..20:2")
+        raise RequestError(
+            f"--stack '{text}' is empty", "give the lower height first, such as 0..20:2"
+        )
     count = math.floor((last - first) / pitch + 1e-9) + 1
     if count > 500:
         raise RequestError(f"--stack '{text}' has {count} heights, more than 500", "a larger step")

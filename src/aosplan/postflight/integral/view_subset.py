@@ -61,11 +61,13 @@ def read_view_subset(text: str, name: str) -> ViewSubset:
             raise RequestError(
                 f"{name} {shown(text)}: {shown(part)} is not one of "
                 f"{', '.join(f'{known}=…' for known in PARTS)}, each once",
-                nearest_hint(key, PARTS) or "or all, by itself",
+                nearest_hint(key, PARTS) or "give these parts, or only all",
             )
         given[key] = value
     if not given:
-        raise RequestError(f"{name} {shown(text)} names no views", "all, or pitch=M")
+        raise RequestError(
+            f"{name} {shown(text)} names no photos", "give all, or a part such as pitch=M"
+        )
     return view_subset_of(given.get("pitch"), given.get("aperture"), given.get("views"), name)
 
 
@@ -112,7 +114,7 @@ def chosen(
         left = _thinned(left, offsets, choice.pitch_m)
     if not len(left):
         raise RequestError(
-            f"no view is in an aperture of {choice.aperture_m:g} m around the middle",
+            f"no photo is in a square of {choice.aperture_m:g} m around the middle",
             "a larger --aperture",
         )
     return left
@@ -164,15 +166,15 @@ def _listed(text: str, names: Sequence[str]) -> NDArray[np.intp]:
         if not all(end.strip().isascii() and end.strip().isdecimal() for end in ends):
             raise RequestError(
                 f"{place}: no image is called {shown(entry)}",
-                nearest_hint(entry, names) or "names, numbers from 1, or ranges such as 1-9",
+                nearest_hint(entry, names) or "give names, numbers from 1, or ranges such as 1-9",
             )
         low, high = (int(end[:12]) for end in (ends[0], ends[-1]))
         if not 1 <= low <= high <= len(names):
             raise RequestError(
                 f"{place}: {shown(entry)} is not within 1 to {len(names)}",
-                "views are counted from 1, in the order of the poses",
+                "photos are numbered from 1, in the order of the poses",
             )
         found.update(range(low - 1, high))
     if not found:
-        raise RequestError(f"{place} names no views")
+        raise RequestError(f"{place} names no photos")
     return np.array(sorted(found))

@@ -160,9 +160,9 @@ def _volume(
         raise RequestError(f"raster {path} contains no heights: no cell has data")
     if share < 1.0:
         message = (
-            f"{1.0 - share:.1%} of the raster has no data and counts as open ground, "
-            f"so the canopy (p = {float((tops >= min_height_m).mean()):.3g}) looks "
-            "more transparent than where it is known (p = "
+            f"{1.0 - share:.1%} of the raster has no data and is treated as open ground, so "
+            f"the canopy (p = {float((tops >= min_height_m).mean()):.3g}) looks more "
+            "transparent than it is where the raster has data (p = "
             f"{float((tops[known] >= min_height_m).mean()):.3g})"
         )
         doubts.append(("partial_plot", message))
@@ -170,12 +170,12 @@ def _volume(
     if highest > HIGHEST_M:
         raise RequestError(
             f"raster {path} reaches {highest:.4g} m, higher than any tree",
-            "give heights above ground (surface less terrain), and their unit with --units if the "
-            "raster does not state it",
+            "give heights above ground (the surface minus the terrain); if the raster does "
+            "not contain their unit, give --units",
         )
     occupied = _crowns(np.nan_to_num(tops), edge_m, min_height_m, crown_base, f"raster {path}")
     if not occupied.any():
-        doubts.append(("no_vegetation", f"the raster is below {min_height_m:g} m everywhere"))
+        doubts.append(("no_vegetation", f"all heights of the raster are below {min_height_m:g} m"))
     corner = (
         min(place.c, place.c + place.a * raster.width),
         min(place.f, place.f + place.e * raster.height),
@@ -191,9 +191,8 @@ def _volume(
         warnings=tuple(doubts),
         source=path,
         assumed=(
-            f"crowns are assumed to be solid from {crown_base:g} of the canopy's "
-            "height to its top, because a raster does not show gaps in the crowns and "
-            "what is below them"
+            f"crowns are assumed to be solid from {crown_base:g} of the canopy's height to "
+            "its top, because a raster does not show gaps in the crowns or what is below them"
         ),
     )
 
@@ -218,14 +217,17 @@ def _metres(
     crs, stated = None, Units(None, None)
     if raster.crs is None:
         if given.across_m is None:
-            message = "the raster has no coordinate system: metres are assumed"
+            message = "the raster has no coordinate system, so metres are assumed"
             doubts.append(("units_assumed", message))
     else:
         crs = crs_of_wkt(raster.crs.to_wkt(), f"raster {path}")
         stated = units_of(crs, f"raster {path}")
     across_m = given.across_m or stated.across_m or 1.0
     up_m = given.up_m or height_unit_m(
-        raster.units[0], stated, f"raster {path}", "give --units, such as ft,m or us-ft"
+        raster.units[0],
+        stated,
+        f"raster {path}",
+        "give the unit with --units, such as ft,m or us-ft",
     )
     lengths_m, place = (across_m, across_m), None
     if crs is not None and given.across_m is None:
@@ -236,8 +238,8 @@ def _metres(
     if lengths_m != (across_m, across_m):
         message = (
             f"cells of {path} are {lengths_m[0] / across_m:.4g} (x) and "
-            f"{lengths_m[1] / across_m:.4g} (y) times as long on the ground here as in its "
-            "projection: they were scaled by that"
+            f"{lengths_m[1] / across_m:.4g} (y) times as long on the ground as in its "
+            "projection, so they were scaled by these factors"
         )
         doubts.append(("projection_scaled", message))
     if given.across_m is None and not are_same(across_m, 1.0):
@@ -260,8 +262,8 @@ def _without_data(tops: Floats, nodata: float | None, up_m: float) -> list[tuple
     tops[strange] = np.nan
     tagged = "has no value for missing data" if nodata is None else f"names {nodata:g}"
     message = (
-        f"{float(strange.mean()):.1%} of the heights are as low as {value:.6g}, "
-        f"and the raster {tagged}: they are treated as missing"
+        f"{float(strange.mean()):.1%} of the heights are as low as {value:.6g}, and the "
+        f"raster {tagged}: these heights are treated as missing"
     )
     return [("nodata_assumed", message)]
 
@@ -276,13 +278,13 @@ def _check_layout(raster: Any, path: str) -> None:
             "select the band of heights with gdal_translate -b",
         )
     if np.dtype(raster.dtypes[0]).kind not in "iuf":
-        raise RequestError(f"raster {path} holds {raster.dtypes[0]}, which are not heights")
+        raise RequestError(f"raster {path} contains {raster.dtypes[0]}, which cannot be heights")
     height, width = raster.block_shapes[0]
     octets = height * width * np.dtype(raster.dtypes[0]).itemsize
     if raster.width * raster.height > MOST_PIXELS or octets > MOST_OCTETS:
         raise RequestError(
-            f"raster {path} has {raster.width} x {raster.height} cells, in blocks of {width} x "
-            f"{height}: too many to read",
+            f"raster {path} has {raster.width} x {raster.height} cells, in blocks of {width} "
+            f"x {height}, which are too many to read",
             "crop it to the stand, or write it in tiles",
         )
 

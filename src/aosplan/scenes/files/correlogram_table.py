@@ -76,7 +76,7 @@ def correlogram_from(table: Mapping[str, Any], where: str) -> Correlogram:
             raise _wrong(where, f"{name} is not a table of numbers") from None
         if values.size > MOST_ENTRIES or not np.isfinite(values).all():
             raise _wrong(
-                where, f"{name} holds values that are not finite numbers, or too many of them"
+                where, f"{name} contains values that are not finite numbers, or too many values"
             )
         if shape is not None and values.shape != shape:
             raise _wrong(where, f"{name} is of shape {values.shape}, not {shape}")
@@ -99,13 +99,15 @@ def correlogram_from(table: Mapping[str, Any], where: str) -> Correlogram:
         raise _wrong(where, f"reach {reach:g} is not above 0")
     inside = table.get("interior", [])
     if not isinstance(inside, list) or len(inside) not in (0, len(INTERIOR)):
-        raise _wrong(where, f"interior does not hold {len(INTERIOR)} tables")
+        raise _wrong(where, f"interior does not contain {len(INTERIOR)} tables")
     if not all(isinstance(each, dict) for each in inside):
-        raise _wrong(where, "interior holds what is not a table")
+        raise _wrong(where, "interior contains a value that is not a table")
     shared = {"lags": table["lags"], "directions_deg": table["directions_deg"], "reach": reach}
     interior = tuple(correlogram_from({**each, **shared, "interior": []}, where) for each in inside)
     return Correlogram(lags, directions, rho, densities, density, reach, interior)
 
 
 def _wrong(where: str, what: str) -> RequestError:
-    return RequestError(f"correlogram of '{where}': {what}", "save the scene again from its cloud")
+    return RequestError(
+        f"correlogram of '{where}': {what}", "save the scene again from its point cloud"
+    )

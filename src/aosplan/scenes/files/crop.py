@@ -159,15 +159,14 @@ def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> CropBox | Non
     said = []
     if crop.of_plan:
         message = (
-            f"only a part of the point cloud is used, the {size[0]:.0f} x "
-            f"{size[1]:.0f} m around the plan ({in_units}): --crop all uses the whole "
-            "cloud"
+            f"only a part of the point cloud is used, which is the {size[0]:.0f} x "
+            f"{size[1]:.0f} m around the plan ({in_units}); --crop all uses the whole cloud"
         )
         said = [("cropped_to_plan", message)]
     error = RequestError(
         f"no point of point cloud {source} lies in {'the crop' if crop.of_plan else '--crop'} "
         f"{in_units}",
-        f"by the headers it has {_text(np.array([low, high]) / metres)}",
+        f"according to its headers, the cloud covers {_text(np.array([low, high]) / metres)}",
     )
     if missed:
         raise error

@@ -149,7 +149,7 @@ def _cloth_filter() -> Any:
     threads = os.environ.get("OMP_NUM_THREADS")
     os.environ["OMP_NUM_THREADS"] = "1"
     try:
-        with needs_extra("finding the ground of an unclassified cloud", "lidar"):
+        with needs_extra("finding the ground of a point cloud without classes", "lidar"):
             import CSF
     finally:
         if threads is None:

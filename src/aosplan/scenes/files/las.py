@@ -178,7 +178,7 @@ class PointFile:
             return
         end = header.offset_to_point_data + self.count * header.point_format.size
         if os.fstat(stream.fileno()).st_size < end:
-            raise ValueError("it ends within its points")
+            raise ValueError("it ends before its last point")
         header.point_count = self.count  # the file may contain more points than its header counts
         yield from reader.chunk_iterator(PLAIN_CHUNK_POINTS)
 
@@ -203,7 +203,7 @@ def not_metric(source: str, why: str) -> RequestError:
     """Error for coordinates that are not metres in a plane."""
     return RequestError(
         f"the coordinates of point cloud {source} are not metres on a plane: {why}",
-        "reproject it to a metric system such as UTM",
+        "reproject it to a projected system in metres, such as UTM",
     )
 
 
@@ -261,7 +261,7 @@ def _check_sizes(stream: IO[bytes], name: str) -> tuple[int, list[Warned]]:
         )
     with_long_count = len(head) > 25 and head[25] >= 4
     if len(head) < (375 if with_long_count else 227):
-        raise RequestError(f"point cloud {name} is truncated: it ends within its header")
+        raise RequestError(f"point cloud {name} is truncated: it ends before the end of its header")
     start, records, kind, width, count = struct.unpack_from("<IIBHI", head, 96)
     end = size
     if with_long_count:
@@ -281,7 +281,7 @@ def _check_sizes(stream: IO[bytes], name: str) -> tuple[int, list[Warned]]:
             f"point cloud {name} has point format {layout}; LAS has 0 to {LAST_POINT_FORMAT}"
         )
     if count == 0:
-        raise RequestError(f"point cloud {name} holds no points")
+        raise RequestError(f"point cloud {name} contains no points")
     if not compressed and count * width > size - start:
         raise RequestError(
             f"point cloud {name} is truncated: its header counts {count} points, but "
@@ -291,9 +291,9 @@ def _check_sizes(stream: IO[bytes], name: str) -> tuple[int, list[Warned]]:
     if room <= count:
         return count, []
     if rest:
-        message = f"has {room - count} records after its last point that its header does not count"
+        message = f"has {room - count} records after the last point that its header counts"
         return count, [("uncounted_points", message)]
-    message = f"contains {room} points, but its header counts {count}: all points are read"
+    message = f"contains {room} points, but its header counts {count}; all points are read"
     return room, [("uncounted_points", message)]
 
 
@@ -303,8 +303,8 @@ def _check_scaling(scales_m: Floats, offsets_m: Floats, name: str) -> None:
             ", ".join(f"{number:g}" for number in numbers) for numbers in (scales_m, offsets_m)
         )
         raise RequestError(
-            f"point cloud {name} has the scale factors {scales} and the offsets "
-            f"{offsets}, which do not give coordinates"
+            f"point cloud {name} has the scale factors {scales} and the offsets {offsets}, "
+            "from which no coordinates can be computed"
         )
 
 
@@ -368,7 +368,9 @@ def _uncounted(
             more = probed <= LARGEST_PROBED_CHUNK and _decodes(layout, chunk, probed * width)
     if not more:
         return []
-    message = f"has compressed points after the {count} that its header counts: they are not read"
+    message = (
+        f"has compressed points after the {count} that its header counts; these points are not read"
+    )
     return [("uncounted_points", message)]
 
 

@@ -86,10 +86,10 @@ def metres_of(found: Reference, given: Units | None) -> tuple[Units, list[Warned
     across_m, up_m = found.units
     doubts = list(found.warnings)
     if found.unreadable:
-        message = f"{found.unreadable}: metres are assumed unless --units is given"
+        message = f"{found.unreadable}; metres are assumed, unless --units is given"
         doubts.append(("crs_unreadable", message))
     elif across_m is None:
-        message = "does not state the unit of x and y: metres are assumed unless --units is given"
+        message = "does not state the unit of x and y; metres are assumed, unless --units is given"
         doubts.append(("units_assumed", message))
     across_m = across_m or 1.0
     if up_m is None and not are_same(across_m, 1.0):
@@ -105,7 +105,7 @@ def metres_of(found: Reference, given: Units | None) -> tuple[Units, list[Warned
         both = f"is in {unit_text(across_m)}"
         if up_m != across_m:
             both = f"has x and y in {unit_text(across_m)} and z in {unit_text(up_m)}"
-        doubts.append(("units_converted", f"{both}: its coordinates were converted to metres"))
+        doubts.append(("units_converted", f"{both}; its coordinates were converted to metres"))
     return Units(across_m, up_m), doubts
 
 
@@ -143,8 +143,8 @@ def read_reference(header: Any, stream: IO[bytes], name: str) -> Reference:
         for axes, one, two in zip(("x and y", "z"), first.units, other.units, strict=True):
             if one and two and not are_same(one, two):
                 message = (
-                    f"states {axes} twice, in {unit_text(one)} and in {unit_text(two)}: the "
-                    "first is used because of the header's WKT bit"
+                    f"states {axes} twice, in {unit_text(one)} and in {unit_text(two)}; the "
+                    "first unit is used because of the WKT bit in the header"
                 )
                 first = first._replace(
                     warnings=(*first.warnings, ("crs_contradicts_itself", message))
@@ -198,9 +198,9 @@ def _of_keys(records: dict[int, bytes], what: str) -> Reference:
         code is None and _value(keys, MODEL) is None and _value(keys, GEODETIC) is not None
     ):
         raise RequestError(
-            f"the coordinates of {what} are not metres on a plane: its coordinate reference system "
-            "is geographic or geocentric",
-            "reproject it to a metric system such as UTM",
+            f"the coordinates of {what} are not distances on a plane, because its coordinate "
+            "reference system is geographic or geocentric",
+            "reproject it to a projected system in metres, such as UTM",
         )
     plane = None if code is None or code == USER_DEFINED else _crs(code)
     by_system = Units(None, None) if plane is None else reference.units_of(plane, what)
@@ -221,9 +221,9 @@ def _of_keys(records: dict[int, bytes], what: str) -> Reference:
     if across_m is None and (code is not None or _value(keys, MODEL) is not None):
         if reference.reads_like_feet(citation):
             raise _unknown_unit(
-                what, f"its GeoTIFF keys state no unit of x and y that is known, and {citation!r}"
+                what, f"its GeoTIFF keys do not contain a known unit of x and y, and {citation!r}"
             )
-        unreadable = "has GeoTIFF keys that state no unit of x and y that is known"
+        unreadable = "has GeoTIFF keys that do not contain a known unit of x and y"
     return Reference(
         Units(across_m, up_m),
         None if plane is None else reference.horizontal(plane),
@@ -296,4 +296,4 @@ def _crs(code: int) -> CRS | None:
 
 
 def _unknown_unit(what: str, why: str) -> UnclearUnitError:
-    return UnclearUnitError(f"the unit of {what} is not clear: {why}", reference.ASK)
+    return UnclearUnitError(f"the unit of {what} is not known: {why}", reference.ASK)

@@ -57,10 +57,10 @@ def outliers_above(volume: VoxelVolume) -> Iterator[tuple[str, str]]:
         x = volume.x_min_m + (column + 0.5) * volume.voxel_m
         y = volume.y_min_m + (row + 0.5) * volume.voxel_m
         message = (
-            f"{count} of {total} occupied voxels are {low * volume.voxel_m:.4g} m or "
-            f"more above the ground, near x {x:.1f}, y {y:.1f}, and all others are "
-            f"below {(top + 1) * volume.voxel_m:.4g} m.  They determine the top of the "
-            "canopy.  If they are birds or noise, give them class 7 or 18"
+            f"{count} of {total} occupied voxels are {low * volume.voxel_m:.4g} m or more "
+            f"above the ground, near x {x:.1f}, y {y:.1f}, and all others are below "
+            f"{(top + 1) * volume.voxel_m:.4g} m.  They determine the top of the canopy.  If "
+            "they are birds or noise, set their class to 7 or 18"
         )
         yield "points_far_above", message
         return
@@ -92,9 +92,9 @@ def beside(columns: NDArray[np.bool_], volume: VoxelVolume) -> Iterator[tuple[st
         away_m = (low if at_start else length - 1 - high) * volume.voxel_m
         count = int((counts[:low] if at_start else counts[high + 1 :]).sum())
         message = (
-            f"{count} of {total} voxel columns with points are far from all others along {name}; the "
-            f"farthest, near x {x:.1f}, y {y:.1f}, is {away_m:.4g} m away and enlarges the plot.  Give its "
-            "points class 7, or crop the cloud (--crop)"
+            f"{count} of {total} voxel columns with points are far from all others along "
+            f"{name}; the farthest, near x {x:.1f}, y {y:.1f}, is {away_m:.4g} m away and "
+            "enlarges the plot.  Set the class of its points to 7, or crop the cloud (--crop)"
         )
         yield "points_far_beside", message
 
@@ -124,8 +124,9 @@ def ground_outliers(points: Floats, origin_m: Floats) -> Iterator[tuple[str, str
     x, y, z = points[:, worst] + origin_m
     side = "below" if step[worst] < 0.0 else "above"
     message = (
-        f"{found.size} of {points.shape[1]} ground points are far from their neighbours; the worst, "
-        f"at x {x:.1f}, y {y:.1f}, z {z:.1f}, is {abs(step[worst]):.3g} m {side} them, and heights "
-        "around it are wrong by as much.  Give them class 7, or use the ground method filter"
+        f"{found.size} of {points.shape[1]} ground points are far from their neighbours; the "
+        f"worst, at x {x:.1f}, y {y:.1f}, z {z:.1f}, is {abs(step[worst]):.3g} m {side} "
+        "them, and heights near this point have the same error.  Set their class to 7, or "
+        "give --ground filter"
     )
     yield "ground_outliers", message

@@ -184,7 +184,7 @@ def read_voxels(
                 )
                 if found is None and (opacity == "pulses" or trajectory is not None):
                     raise RequestError(
-                        f"the pulses of point cloud {source} do not give its opacity: {reason}",
+                        f"the pulses of point cloud {source} cannot give its opacity: {reason}",
                         "use --opacity voxels",
                     )
             blocks = cloud.blocks(plot.origin_m, voxel_m)
@@ -260,7 +260,7 @@ def _from_pulses(
     while plot.rows * plot.columns * (plot.voxel_m / voxel_m) ** 2 > MOST_PULSE_COLUMNS:
         if 2.0 * voxel_m > LARGEST_PULSE_VOXEL_M:
             return None, (
-                f"{width_m:.4g} x {depth_m:.4g} m are too wide to fit pulses in voxels of "
+                f"{width_m:.4g} x {depth_m:.4g} m are too wide to fit pulses with voxels of "
                 f"{voxel_m:g} m (give --crop)"
             )
         voxel_m *= 2.0
@@ -287,9 +287,8 @@ def _voxel_for(cloud: Spool) -> tuple[float, list[Warned]]:
         return DEFAULT_VOXEL_M, []
     voxel_m = math.ceil(20.0 * (volume_m3 / USUAL_VOXELS) ** (1.0 / 3.0) - 1e-9) / 20.0
     message = (
-        f"voxels of {voxel_m:g} m instead of {DEFAULT_VOXEL_M:g} m are used for a "
-        f"plot of {width_m:.4g} x {depth_m:.4g} m: give --crop to read a part of "
-        "it, or --voxel"
+        f"voxels of {voxel_m:g} m are used instead of {DEFAULT_VOXEL_M:g} m, because the plot is "
+        f"{width_m:.4g} x {depth_m:.4g} m: give --crop to read a part of it, or --voxel"
     )
     return voxel_m, [("voxels_enlarged", message)]
 
@@ -298,7 +297,7 @@ def _check_request(
     names: list[str], voxel_m: float | None, ground: str, min_height_m: float
 ) -> None:
     if not names:
-        raise RequestError("no point cloud is given", "give at least one .las or .laz file")
+        raise RequestError("no point cloud is given", "give one or more .las or .laz files")
     if voxel_m is not None and not (math.isfinite(voxel_m) and voxel_m > 0.0):
         raise RequestError(f"voxel size {voxel_m:g} m is not a positive number")
     if not (math.isfinite(min_height_m) and min_height_m >= 0.0):
@@ -341,8 +340,8 @@ def _decode(
         if box is not None:
             raise box.is_empty
         raise RequestError(
-            f"point cloud {source} contains only noise: all of its {total} points are "
-            "of class 7 or 18 or withheld"
+            f"point cloud {source} contains only noise, because all of its {total} points "
+            "have class 7 or 18 or are withheld"
         )
     return total
 
@@ -383,8 +382,8 @@ class _Plot:
             raise RequestError(
                 f"point cloud {source} measures {size[0]:.3g} x {size[1]:.3g} x "
                 f"{size[2]:.3g} m ({bounds}), which is too large for a stand",
-                "check its scale and offset, that all files are of one place, and that no single "
-                "point is far from all others",
+                "check the scale and the offset, whether all files are from one place, and "
+                "whether a single point is far from all others",
             )
         if not fits((size[0], size[1], 0.0), voxel_m):
             raise too_many_voxels(size, voxel_m, f"point cloud {source}")
@@ -415,7 +414,7 @@ def _find_ground(
         if method == "class":
             raise RequestError(
                 f"point cloud {plot.source} has no points of class {GROUND_CLASS} (ground)",
-                "use the ground method filter, or normalized if z is the height above ground",
+                "give --ground filter, or --ground normalized if z is the height above ground",
             )
     if method != "normalized":
         low = lowest(cloud.blocks(origin), size)
@@ -424,7 +423,7 @@ def _find_ground(
             if points.size == 0:
                 raise RequestError(
                     f"the filter finds no ground in point cloud {plot.source}",
-                    "use the ground method normalized if z is the height above ground",
+                    "if z is the height above ground, give --ground normalized",
                 )
             points = vertices([points], points.shape[1], size)
             return "filter", plot.surface(points), list(outliers.ground_outliers(points, origin))
@@ -446,24 +445,26 @@ def _doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Iterator[W
     """Yield warnings about the cloud, for the user."""
     occupancy = volume.column_occupancy
     if volume.ground == "filter":
-        message = "the ground is what a cloth simulation filter found, not a classification"
+        message = (
+            "a cloth simulation filter computed the ground, because the points have no classes"
+        )
         yield "ground_filtered", message
     if volume.ground == "normalized" and assumed:
-        message = "z was taken as height above ground: the lowest points are near 0 all over"
+        message = "z is assumed to be the height above ground, because the lowest z are near 0"
         yield "ground_assumed_normalized", message
     density = volume.points_per_m2
     if density < SPARSE_POINTS_PER_M2:
         message = (
-            f"{density:.3g} points per m² are few (fewer than {SPARSE_POINTS_PER_M2:g}): "
-            "the canopy is denser than it looks"
+            f"{density:.3g} points per m² are fewer than {SPARSE_POINTS_PER_M2:g}, so the "
+            "canopy is denser than it seems"
         )
         yield "sparse_cloud", message
     if covered < FULL_FOOTPRINT:
         message = (
-            f"the points cover {covered:.0%} of their bounding rectangle, and the rest "
-            f"counts as open ground: p = {occupancy:.3g}, but "
-            f"{min(occupancy / covered, 1.0):.3g} where there are points; crop a "
-            "rectangle from the cloud"
+            f"the points cover {covered:.0%} of their bounding rectangle, and the rest is "
+            f"treated as open ground, so p = {occupancy:.3g}, but "
+            f"{min(occupancy / covered, 1.0):.3g} in the part with points; crop a rectangle "
+            "from the cloud"
         )
         yield "partial_plot", message
     if occupancy == 0.0:
@@ -476,8 +477,8 @@ def _of_opacity(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
     voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
     if volume.opacity is not None and volume.opacity.reason:
         message = (
-            "the pulses do not give the opacity, so each voxel with a point counts as opaque and the "
-            f"result depends on --voxel: {volume.opacity.reason}"
+            "the opacity cannot be computed from the pulses, so each voxel with a point is opaque, "
+            f"and the result depends on --voxel: {volume.opacity.reason}"
         )
         yield "opacity_from_voxels", message
     enough_m = math.sqrt(POINTS_A_COLUMN) * spacing_m
@@ -485,15 +486,14 @@ def _of_opacity(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
         points = (voxel_m / spacing_m) ** 2
         message = (
             f"columns of {voxel_m:g} m contain {points:.2g} points on average, so "
-            f"{math.exp(-points):.0%} of them contain none by chance, and the canopy "
-            "looks more transparent than it is: use voxels of "
-            f"{rounded_up(enough_m, 2)} m or more"
+            f"{math.exp(-points):.0%} of the columns contain none by chance, and the canopy seems "
+            f"more transparent than it is; give --voxel with {rounded_up(enough_m, 2)} m or more"
         )
         yield "voxel_below_spacing", message
     if occupancy > SATURATED_OCCUPANCY:
         message = (
-            f"{occupancy:.1%} of the voxel columns contain points, so the density of "
-            f"the canopy cannot be seen: use voxels smaller than {voxel_m:g} m"
+            f"{occupancy:.1%} of the voxel columns contain points, so the density of the "
+            f"canopy cannot be measured; give a --voxel that is smaller than {voxel_m:g} m"
         )
         if spacing_m < voxel_m:
             message += f", of {rounded_up(spacing_m, 2)} m or more for points this dense"

@@ -54,7 +54,7 @@ def read_slices(path: str) -> LayeredScene:
                 raise RequestError(
                     f"'{path}' line {rows.line_num} has {len(row)} cells, and the header "
                     f"{len(header)}",
-                    "columns are separated by commas, and decimals by points",
+                    "separate columns by commas, and use decimal points",
                 )
             layers.append(
                 Layer(
@@ -69,7 +69,7 @@ def read_slices(path: str) -> LayeredScene:
     except csv.Error as error:
         raise RequestError(f"'{path}' line {rows.line_num} is not valid CSV: {error}") from None
     if not layers:
-        raise RequestError(f"'{path}' has a header and no slices")
+        raise RequestError(f"'{path}' has a header but no slices")
     return LayeredScene(name=os.path.basename(path), layers=tuple(sorted(layers)), source=path)
 
 
@@ -94,7 +94,7 @@ def _places(header: list[str], path: str) -> dict[str, int]:
         if len(header) == 1 and mark in header[0]:
             raise RequestError(
                 f"'{path}' separates its columns by {word}",
-                "save it with commas between columns and points in decimals",
+                "save it with commas between columns and with decimal points",
             )
     for name in COLUMNS:
         if header.count(name) != 1:
@@ -108,6 +108,6 @@ def _places(header: list[str], path: str) -> dict[str, int]:
                     "are shares"
                 )
                 if near and not header.count(name)
-                else f"its header must have the columns {', '.join(COLUMNS)}",
+                else f"the header must have the columns {', '.join(COLUMNS)}",
             )
     return {name: header.index(name) for name in COLUMNS}

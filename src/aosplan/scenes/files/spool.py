@@ -96,6 +96,7 @@ def _disk() -> Iterator[None]:
         yield
     except OSError as error:
         raise SurroundingsError(
-            f"cannot keep the points in the folder for temporary files: {error.strerror or error}",
-            "set TMPDIR to a folder with enough space, 12 bytes per point",
+            "the points cannot be stored in the folder for temporary files: "
+            f"{error.strerror or error}",
+            "set TMPDIR to a folder with enough space (12 bytes per point)",
         ) from error

@@ -68,8 +68,8 @@ def brought_together(
     silent = [file.name for file in files if file.reference.horizontal is None]
     if silent:
         message = (
-            f"{silent[0]}{_and_more(silent)} has no coordinate reference system: that "
-            f"of {first.name}, {crs.name}, is assumed"
+            f"{silent[0]}{_and_more(silent)} has no coordinate reference system, so that of "
+            f"{first.name}, {crs.name}, is assumed"
         )
         doubts.append(("crs_assumed", message))
     for file in files:
@@ -85,7 +85,8 @@ def brought_together(
             file.stretch(*by)
         message = (
             f"{unit_text(across_m)} of the projection {crs.name} are {by[0]:.4g} (x) and "
-            f"{by[1]:.4g} (y) times as long on the ground here: x and y were scaled by that"
+            f"{by[1]:.4g} (y) times as long on the ground, so x and y were scaled by these "
+            "factors"
         )
         doubts.append(("projection_scaled", message))
     return doubts, scale and (scale.latitude, scale.longitude)
@@ -100,13 +101,13 @@ def _check_same(first: PointFile, file: PointFile) -> None:
             raise RequestError(
                 f"point clouds {first.name} and {file.name} have different coordinate reference "
                 f"systems: {one.horizontal.name} and {other.horizontal.name}",
-                "reproject them to one system",
+                "reproject the files to one system",
             )
     if one.vertical and other.vertical and _datum(one.vertical) != _datum(other.vertical):
         raise RequestError(
             f"heights of point clouds {first.name} and {file.name} have different "
             f"vertical datums: {one.vertical} and {other.vertical}",
-            "bring them to one vertical coordinate reference system",
+            "transform the files to one vertical coordinate reference system",
         )
 
 

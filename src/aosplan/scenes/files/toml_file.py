@@ -164,7 +164,7 @@ def _check_alone(table: Table, path: str, kind: str, others: Iterable[str]) -> N
     if both:
         raise RequestError(
             f"scene file '{path}' has {kind} and {' and '.join(both)}",
-            "a scene is uniform, layered or an inventory: keep one of them",
+            "a scene is uniform, layered or an inventory; give the values of only one of these",
         )
 
 

@@ -149,7 +149,7 @@ def parse_stand(stored: bytes, path: str) -> VoxelStand:
             declared = sum(entry.file_size for entry in archive.infolist())
         if declared <= MOST_OCTETS:
             if declared > max(PLAIN_OCTETS, MOST_RATIO * len(stored)):
-                raise ValueError(f"{len(stored)} bytes do not hold a stand of {declared} bytes")
+                raise ValueError(f"{len(stored)} bytes are too few for a stand of {declared} bytes")
             with np.load(content, allow_pickle=False) as arrays:
                 about, packed = arrays["about"], arrays["occupied"]
                 if not (isinstance(about, np.ndarray) and isinstance(packed, np.ndarray)):
@@ -158,8 +158,8 @@ def parse_stand(stored: bytes, path: str) -> VoxelStand:
                 return _stand(parse_table(about.tobytes(), path), packed, bounds, path)
     except DAMAGE as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise RequestError(f"'{path}' is not a voxel file, or is damaged: {reason}") from None
-    raise RequestError(f"'{path}' holds more than {MAX_VOXELS} voxels")
+        raise RequestError(f"'{path}' is not a voxel file, or it is damaged: {reason}") from None
+    raise RequestError(f"'{path}' contains more than {MAX_VOXELS} voxels")
 
 
 def _stand(
@@ -207,5 +207,5 @@ def _volume(
 def _unpacked(packed: NDArray[np.uint8], shape: list[int]) -> NDArray[np.bool_]:
     slices, rows, columns = shape
     if packed.dtype != np.uint8 or packed.shape != (slices, rows, -(-columns // 8)):
-        raise ValueError("its voxels are not of the shape that it says")
+        raise ValueError("its voxels do not have the shape that the file states")
     return np.unpackbits(packed, axis=2, count=columns).view(np.bool_)

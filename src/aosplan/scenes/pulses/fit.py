@@ -188,7 +188,7 @@ def volume_from_pulses(
     beams, grid = sound_beams(files, grid, origin_m, trajectory, share)
     if math.prod(grid.shape) > MOST_VOXELS:
         raise UnsoundPulsesError(
-            f"the stand needs more than the {MOST_VOXELS} voxels to which pulses can be fitted"
+            f"the stand has more than the {MOST_VOXELS} voxels for which pulses can be fitted"
         )
     field = fitted_field(beams, grid)
     size_m = grid.size_m
@@ -248,7 +248,7 @@ def sound_beams(
         raise UnsoundPulsesError("every point is the only return of its pulse")
     returns, timed = read_returns(files, origin_m, grid.size_m, share)
     if returns.number.size == 0:
-        raise UnsoundPulsesError("there are no returns over the plot")
+        raise UnsoundPulsesError("the plot has no returns")
     returns = clean.split_lines(clean.without_duplicates(returns), timed=timed)
     if trajectory is not None and not timed:
         raise RequestError(
@@ -261,19 +261,23 @@ def sound_beams(
     returns, pulses, complete = grouping.grouped(returns, timed=timed)
     if complete < LEAST_COMPLETE:
         raise UnsoundPulsesError(
-            f"only {complete:.0%} of the pulses are complete by file order and by time"
+            f"only {complete:.0%} of the pulses are complete, whether they are grouped by "
+            "their order in the file or by time"
         )
     to_sensor, sound, worst_deg = directions(returns, pulses, trajectory, origin_m)
     if not sound.any():
         if trajectory is not None:
             raise RequestError(
                 "the trajectory does not cover the GPS times of the point cloud",
-                "its times and the cloud's must be of one kind (GPS seconds, adjusted or of week)",
+                "the times of both files must be of the same kind (adjusted GPS seconds, or "
+                "seconds of the week)",
             )
         raise UnsoundPulsesError(
-            "no flight line has enough pulses of several returns to find the sensor"
+            "no flight line has enough pulses with several returns to compute the position "
+            "of the sensor"
             if worst_deg is None
-            else f"the pulses do not point to one moving sensor (they miss it by {worst_deg:.2g}°)"
+            else "the pulses do not come from a single moving sensor (the lines miss it by "
+            f"{worst_deg:.2g}°)"
         )
     heights = grid.heights_m(returns.xyz_m)
     low = heights < grid.cut_m
@@ -293,7 +297,8 @@ def sound_beams(
     least = max(FEWEST_PULSES, FEWEST_A_M2 * area_m2 * share)
     if len(beams.pulses) < least:
         raise UnsoundPulsesError(
-            f"{len(beams.pulses)} complete pulses meet the plot's ground, fewer than {least:.0f}"
+            f"{len(beams.pulses)} complete pulses reach the ground of the plot, which is "
+            f"fewer than {least:.0f}"
         )
     inside = grid.inside(returns.xyz_m)
     top_m = float(heights[inside].max(initial=grid.cut_m))
@@ -373,7 +378,7 @@ def fitted_field(beams: Beams, grid: trace.VoxelGrid) -> AttenuationField:
         raise UnsoundPulsesError(
             "no pulse reaches the ground"
             if gaps["weighted"] == 0.0
-            else "nothing intercepts the pulses"
+            else "the canopy does not intercept any pulse"
         )
     scales = {name: attenuation.scale_for(depths[through], gap) for name, gap in gaps.items()}
     lowest = int(grid.cut_m / grid.voxel_m + FACE)

@@ -78,9 +78,12 @@ def read_trajectory(path: str) -> Trajectory:
         raise RequestError(f"trajectory '{path}' is not a CSV file: {error}", _HINT) from None
     table = np.array(rows, dtype=np.float64).reshape(-1, 4)
     if len(table) < 2 or not np.isfinite(table).all():
-        raise RequestError(f"trajectory '{path}' does not have two or more finite positions", _HINT)
+        raise RequestError(f"trajectory '{path}' has fewer than two finite positions", _HINT)
     table = table[np.argsort(table[:, 0], kind="stable")]
     return Trajectory(table[:, 0], np.ascontiguousarray(table[:, 1:].T))
 
 
-_HINT = "a CSV file has the columns gps_time,x,y,z, in the times and coordinates of the cloud"
+_HINT = (
+    "the file must be a CSV with the columns gps_time,x,y,z, in the times and coordinates of the "
+    "cloud"
+)

@@ -57,9 +57,9 @@ class FigureStyle(NamedTuple):
         pixels = (self.width_mm / INCH_MM * self.dpi) ** 2  # The tallest figure is a square.
         if pixels > MOST_PIXELS:
             raise RequestError(
-                f"--width-mm {self.width_mm:g} at --dpi {self.dpi:g} is a picture of more than "
-                f"{MOST_PIXELS // 10**6} million pixels",
-                "give less of one of them, or write .svg or .pdf",
+                f"--width-mm {self.width_mm:g} at --dpi {self.dpi:g} gives a picture of more "
+                f"than {MOST_PIXELS // 10**6} million pixels",
+                "give a smaller --width-mm or --dpi, or write .svg or .pdf",
             )
 
 

@@ -48,12 +48,13 @@ class CorrelogramFigure(NamedTuple):
         widest = max(range(len(spread)), key=spread.__getitem__)
         column = [row[widest] for row in self.rho]
         text = (
-            f"{self.title}: correlation of what two views hide, by the distance of their cameras "
+            f"{self.title}: correlation between what two photos hide, by the distance of "
+            "their cameras "
         )
         text += f"divided by the altitude. Mean over {len(self.rho)} directions: "
         places = sorted({0, len(mean) // 3, 2 * len(mean) // 3, len(mean) - 1})
         text += ", ".join(f"{mean[k]:.2f} at {self.lags[k]:.3g}" for k in places)
-        text += "" if below is None else f"; below one half from {below:.3g} on"
+        text += "" if below is None else f"; it is below one half from {below:.3g} on"
         return (
             f"{text}. Directions differ most at {self.lags[widest]:.3g}: from {min(column):.2f} at "
             f"{self.directions_deg[column.index(min(column))]:g}° to {max(column):.2f} at "
@@ -81,8 +82,8 @@ def correlations_of(found: LoadedScene) -> CorrelogramFigure:
         table = correlogram(found.volume)
     if table is None:
         raise RequestError(
-            f"scene '{found.scene.name}' has no correlogram, and no voxels to count one in",
-            "give a point cloud, or what aosplan scene --save wrote of one",
+            f"scene '{found.scene.name}' has neither a correlogram nor voxels to compute one",
+            "give a point cloud, or a file that aosplan scene --save wrote from one",
         )
     return CorrelogramFigure(
         found.scene.title or found.scene.name,
@@ -118,12 +119,16 @@ def draw(figure: Figure, shown: CorrelogramFigure, theme: Theme) -> None:
             lw=1.2,
             label=f"{shown.directions_deg[row]:g}° from north",
         )
-    left.set(xlabel="lag (offset / altitude), log scale", ylabel=r"correlation $\rho$")
+    left.set(xlabel="offset / altitude, log scale", ylabel=r"correlation $\rho$")
     left.set_ylim(min(0.0, *map(min, shown.rho)) - 0.02, 1.02)
     for panel in (left, right):
         if shown.reach <= shown.lags[-1]:
             panel.axvline(
-                shown.reach, color=theme.muted, ls="-.", lw=1.0, label="reach of the plot"
+                shown.reach,
+                color=theme.muted,
+                ls="-.",
+                lw=1.0,
+                label="largest offset for this plot",
             )
         panel.set_xscale("log")
         logarithmic(panel.xaxis, (1.0, 3.0))
@@ -139,7 +144,7 @@ def draw(figure: Figure, shown: CorrelogramFigure, theme: Theme) -> None:
         vmax=1.0,
         rasterized=True,
     )
-    right.set(xlabel="lag (offset / altitude), log scale", ylabel="direction from north [°]")
+    right.set(xlabel="offset / altitude, log scale", ylabel="direction from north [°]")
     right.set_yticks([step * k for k in range(0, count + 1, max(count // 4, 1))])
     right.grid(visible=False)
     figure.colorbar(image, ax=right, label=r"correlation $\rho$")

@@ -50,9 +50,9 @@ class DensityFigure(NamedTuple):
         text = (
             f"{self.title}: {len(self.density)} layers from {self.bottom_m[0]:.3g} to "
             f"{self.top_m[-1]:.3g} m. The densest lies at {self.bottom_m[densest]:.3g} to "
-            f"{self.top_m[densest]:.3g} m and fills {self.density[densest]:.3g} of its plane. "
-            f"Together they hide {self.independent[0]:.3g} of the ground from above if they are "
-            "independent"
+            f"{self.top_m[densest]:.3g} m and fills {self.density[densest]:.3g} of its "
+            f"plane. Together, the layers hide {self.independent[0]:.3g} of the ground from "
+            "above if the layers are independent"
         )
         if self.measured is None:
             return f"{text}."
@@ -61,8 +61,9 @@ class DensityFigure(NamedTuple):
             return text
         first, weighted, last = self.hidden_pulses
         return (
-            f"{text} Of the energy of the laser {_slanted(self)}, {weighted:.3g} does not reach the "
-            f"ground, {first:.3g} by first returns and {last:.3g} by last returns."
+            f"{text} Of the energy of the laser {_slanted(self)}, {weighted:.3g} does not "
+            f"reach the ground ({first:.3g} if the first returns had all of it, {last:.3g} "
+            "if the last returns had all of it)."
         )
 
     def document(self) -> dict[str, Any]:
@@ -131,7 +132,7 @@ def _slanted(shown: DensityFigure) -> str:
     # If the opacity is from pulses, the angles of the pulses are known.
     assert shown.pulses_zenith_deg is not None
     low, high = shown.pulses_zenith_deg
-    return f"pulses {low:.0f}° to {high:.0f}° off the vertical"
+    return f"pulses {low:.0f}° to {high:.0f}° off nadir"
 
 
 def draw(figure: Figure, shown: DensityFigure, theme: Theme) -> None:
@@ -156,7 +157,7 @@ def draw(figure: Figure, shown: DensityFigure, theme: Theme) -> None:
     left.set_xlim(0.0, max(shown.density) * 1.06)
     edges = [*shown.bottom_m, shown.top_m[-1]]
     right.plot(
-        [*shown.independent, 0.0], edges, "--", color=theme.data[0], label="layers, if independent"
+        [*shown.independent, 0.0], edges, "--", color=theme.data[0], label="independent layers"
     )
     if shown.measured is not None:
         right.plot(
@@ -175,8 +176,8 @@ def draw(figure: Figure, shown: DensityFigure, theme: Theme) -> None:
             fmt="o",
             color=theme.data[2],
             capsize=3.0,
-            label=f"{_slanted(shown)}: last, weighted, first returns",
+            label=f"{_slanted(shown)}: last returns, weighted, first returns",
         )
-    right.set(xlabel="hidden share of the ground", xlim=(0.0, 1.0))
+    right.set(xlabel="share of the ground that is hidden", xlim=(0.0, 1.0))
     legend_below(figure, right.get_legend_handles_labels()[0])
     entitle(figure, shown.title)

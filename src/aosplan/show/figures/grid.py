@@ -401,12 +401,12 @@ def _legend(shown: GridFigure, theme: Theme, shapes: dict[str, Any]) -> list[Any
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    labels = ["path, waypoints numbered from 0"]
+    labels = ["path (waypoints are numbered from 0)"]
     if len(shown.flights) > 1:
         names = (
             ("flight 1", "flight 2") if len(shown.flights) == 2 else ("odd flights", "even flights")
         )
-        labels = [f"{names[0]}, waypoints numbered from 0", names[1]]
+        labels = [f"{names[0]} (waypoints are numbered from 0)", names[1]]
     dots: dict[str, Any] = {"marker": "o", "ms": 5, "mfc": theme.background}
     handles: list[Any] = [
         Line2D([], [], label=label, color=flight_colour(theme, flight), **dots)

@@ -80,7 +80,7 @@ class ScatterFigure(NamedTuple):
             if len(self.front) <= 5
             else [self.front[k * (len(self.front) - 1) // 4] for k in range(5)]
         )
-        text = f"{self.title}, {self.rows - self.met} of which are infeasible. "
+        text = f"{self.title}; {self.rows - self.met} of them are infeasible. "
         text += f"The front, {way(self.x)} and {way(self.y)}: "
         text += "; ".join(f"{x:.4g} and {y:.4g}" for x, y in few) + "."
         if self.by is None:
@@ -131,7 +131,7 @@ class MapFigure(NamedTuple):
         """Description of the extremes, and of the scenarios without a plan."""
         text = (
             f"{self.title}: {len(self.x_values)} by {len(self.y_values)} cells of "
-            f"{self.rows} scenarios, {self.rows - self.met} of which are infeasible"
+            f"{self.rows} scenarios; {self.rows - self.met} of them are infeasible"
         )
         filled = [
             (cell.value, x, y)
@@ -204,7 +204,9 @@ def results_of(path: str, choice: ColumnChoice = TRADEOFF) -> SweepFigure:
     """
     lazy = _scan(path)
     if "status" not in _collected(lazy.head(0)).columns:
-        raise RequestError(f"'{path}' has no column 'status'", "aosplan sweep writes one")
+        raise RequestError(
+            f"'{path}' has no column 'status'", "give a file that aosplan sweep wrote"
+        )
     return frame_of(lazy, choice)
 
 
@@ -250,7 +252,7 @@ def _scan(path: str) -> pl.LazyFrame:
     if ending not in scans:
         raise RequestError(
             f"'{path}' does not have one of the extensions {', '.join(SUFFIXES)}",
-            "results of a sweep have one of them",
+            "give a file that aosplan sweep wrote",
         )
     check_input(path)
     # Brackets in a file name are escaped, because polars would read them as a pattern.
@@ -284,7 +286,9 @@ def _scatter(lazy: Any, x: str, y: str, by: str | None) -> ScatterFigure:
         _collected(kept.select(getattr(pl, end)("x", "y"))).row(0) for end in ("min", "max")
     )
     if None in low:
-        raise RequestError(f"no scenario has numbers in '{x}' and '{y}': there is nothing to draw")
+        raise RequestError(
+            f"no scenario has numbers in '{x}' and '{y}', so there is nothing to draw"
+        )
     places = [
         ((pl.col(name) - low[axis]) * (BINS[axis] / ((high[axis] - low[axis]) or 1.0)))
         .floor()
@@ -349,9 +353,9 @@ def _map(lazy: Any, x: str, y: str, value: str) -> MapFigure:
         count = _collected(lazy.select(pl.col(name).approx_n_unique())).item()
         if count > 1.1 * MOST_VALUES:
             raise RequestError(
-                f"column '{name}' has about {count} different values, and a map at most "
-                f"{MOST_VALUES} a side",
-                f"omit the value to draw a scatter plot, or sweep fewer values of {name}",
+                f"column '{name}' has about {count} different values, but a map can have at "
+                f"most {MOST_VALUES} on an axis",
+                f"draw a scatter plot (without value), or sweep fewer values of {name}",
             )
     ok = pl.col("status") == "ok"
     # The result is rounded, because its last digits depend on the order of addition.
@@ -367,7 +371,7 @@ def _map(lazy: Any, x: str, y: str, value: str) -> MapFigure:
         for row in table.select("x", "y", "rows", "met", "value").rows()
     }
     if all(cell.value is None for cell in cells.values()):
-        raise RequestError(f"no scenario has a number in '{value}': there is nothing to draw")
+        raise RequestError(f"no scenario has a number in '{value}', so there is nothing to draw")
     return MapFigure(
         x,
         y,

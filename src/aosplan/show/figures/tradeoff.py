@@ -52,8 +52,10 @@ class TradeoffFigure(NamedTuple):
         several = len({p.grid for p in self.points}) > 1
         missed = sum(not p.meets for p in self.points)
         text = f"{self.title}. {len(self.points)} rows"
-        text += f", {missed} of them below the target" if missed else ""
-        text += f"; {len(front)} are the front, from the fewest samples to the most: "
+        text += f"; {missed} of them miss the target" if missed else ""
+        text += (
+            f"; {len(front)} of them are on the Pareto front, from the fewest photos to the most: "
+        )
         named = front if len(front) <= 5 else [front[k * (len(front) - 1) // 4] for k in range(5)]
         text += "; ".join(
             f"{p.samples} samples{f' ({p.grid})' if several else ''} {p.baseline_m:.3g} m apart, "
@@ -172,10 +174,12 @@ def _legend(looks: dict[str, dict[str, Any]], shown: TradeoffFigure, theme: Them
     first = theme.data[0]
     handles = [
         Line2D([], [], **PLAN, mfc=theme.text, mec=theme.background, label="the plan"),
-        Line2D([], [], **FRONT, mfc=first, mec=theme.text, label="Pareto front: none is better"),
+        Line2D(
+            [], [], **FRONT, mfc=first, mec=theme.text, label="Pareto front (no point is better)"
+        ),
         *(Line2D([], [], **look, label=plain(grid)) for grid, look in looks.items()),
     ]
     if not all(p.meets for p in shown.points):
         look: dict[str, Any] = {"color": theme.muted, "ls": (0, (1, 1.5)), "lw": 0.9}
-        handles.append(Line2D([], [], **look, label="below the target"))
+        handles.append(Line2D([], [], **look, label="target not reached"))
     return handles

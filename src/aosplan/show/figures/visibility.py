@@ -112,7 +112,7 @@ def visibility_of(plan: Plan) -> VisibilityFigure:
     """
     problem, solution = plan.problem, plan.solution
     if problem is None:
-        raise RequestError("no occluder is above the focal plane: one photo shows everything")
+        raise RequestError("no occluder is above the focal plane, so one photo shows everything")
     requirement, prediction = problem.requirement, solution.prediction
     samples, baseline = solution.pattern.samples, solution.baseline_m
     independent = problem.model.independent_baseline_m

@@ -163,8 +163,9 @@ def _chart(
         axis=axis,
         column=column,
         summary=(
-            f"Along the {axis}, V̂ and V go from {first} to {last}; this plan has {planned:,.4g}, "
-            f"V̂ = {prediction.normalized:.2%} and V = {prediction.expected:.2%}."
+            f"Along the {axis}, V̂ and V change from {first} to {last}. This plan has "
+            f"{planned:,.4g}, V̂ = {prediction.normalized:.2%} and V = "
+            f"{prediction.expected:.2%}."
         ),
         x_ticks=[Tick(x(value), f"{value:,.4g}") for value in ticks(0.0, high)],
         y_ticks=[Tick(y(value), f"{value:.0%}") for value in TICKS_Y],

@@ -47,13 +47,17 @@ def detection_curve(plan: Plan) -> DetectionCurve | None:
     x, y = scale(curve[-1][0], LEFT, RIGHT), scale(1.0, BOTTOM, TOP)
     own = abs(found.signature.contrast)
     some = next((at for at, share in curve if share >= 0.5), None)
-    half = "no contrast in the figure reaches one half" if some is None else f"one half by {some:g}"
+    half = (
+        "It is below one half for all contrasts in the figure"
+        if some is None
+        else f"It reaches one half at {some:g}"
+    )
     return DetectionCurve(
         text=detection_text(plan),
         summary=(
-            f"Probability of detection from {curve[0][1]:.1%} at contrast {curve[0][0]:g} to "
-            f"{curve[-1][1]:.1%} at {curve[-1][0]:g}, {half}; this plan's signature has "
-            f"{own:g} and {found.probability:.1%}."
+            f"The probability of detection is {curve[0][1]:.1%} at contrast "
+            f"{curve[0][0]:g} and {curve[-1][1]:.1%} at contrast {curve[-1][0]:g}. {half}. The "
+            f"signature of this plan has the contrast {own:g}, with a probability of {found.probability:.1%}."
         ),
         x_ticks=[Tick(x(value), f"{value:g}") for value in ticks(0.0, curve[-1][0])],
         y_ticks=[Tick(y(value), f"{value:.0%}") for value in TICKS_Y],

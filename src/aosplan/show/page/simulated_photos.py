@@ -55,12 +55,12 @@ class SimulatedPhotos(NamedTuple):
 def simulated_photos(plan: Plan, seed: int | None) -> SimulatedPhotos:
     """Simulate a plan over one volume of the forest that corresponds to its scene."""
     if seed is None:
-        return SimulatedPhotos(None, "left out on request")
+        return SimulatedPhotos(None, "left out, as requested")
     if plan.solution.pattern.samples > MOST_VIEWS:
         return SimulatedPhotos(
             seed,
-            f"left out: {plan.solution.pattern.samples} photos, and more than {MOST_VIEWS} are too "
-            "many to simulate quickly; use aosplan simulate",
+            f"left out: {plan.solution.pattern.samples} photos are too many to simulate "
+            f"quickly (more than {MOST_VIEWS}); use aosplan simulate",
         )
     from aosplan.simulation.compare import Settings, experiment_of
     from aosplan.simulation.pictures import panels, png

@@ -23,8 +23,8 @@ def opacity_rows(opacity: dict[str, Any]) -> list[tuple[str, str]]:
     return [
         (
             "Opacity",
-            f"from {opacity['pulses']} pulses of {opacity['lines']} flight line{several}, {low:.0f}° "
-            f"to {high:.0f}° off the vertical",
+            f"from {opacity['pulses']} pulses of {opacity['lines']} flight line{several}, "
+            f"{low:.0f}° to {high:.0f}° off nadir",
         ),
         ("Gaps", f"{weighted} of the pulses' energy reaches the ground ({energy})"),
         (

@@ -46,7 +46,8 @@ def print_summary(document: dict[str, Any]) -> None:
     if {"samples", "baseline"} <= {*varying, *document["fixed"]}:
         show(
             one_line(
-                "If samples and baseline are both given, every row counts as feasible, whatever visibility it reaches."
+                "If both samples and baseline are given, every row counts as feasible, even "
+                "if it misses the target."
             )
         )
 
@@ -146,9 +147,14 @@ def print_verification(document: Mapping[str, Any]) -> None:
         if row["reason"] is not None:
             show(one_line(f"row {row['row']} is not simulated: {row['reason']}"))
     if document["strata_left_out"]:
-        show(one_line(f"Extremes with too few rows: {', '.join(document['strata_left_out'])}"))
+        show(
+            one_line(
+                "Extremes that are not simulated, because they have too few rows: "
+                f"{', '.join(document['strata_left_out'])}"
+            )
+        )
     if worst is None:
-        show(one_line("Nothing was compared."))
+        show(one_line("No row could be compared with its prediction."))
         return
     show("", *map(one_line, _verdict(document, worst, comparisons)))
     request = next(row for row in document["rows"] if row["row"] == worst["row"])

@@ -167,7 +167,7 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         if plan.ground is not None:
             yield "On ground", _ground_text(plan)
     else:
-        yield "Visibility", "V = 100 %: nothing is hidden"
+        yield "Visibility", "V = 100 %, because nothing is hidden"
     if plan.detection is not None:
         yield from detection_rows(plan)
     yield from () if plan.within is None else within_rows(plan.within)
@@ -398,7 +398,8 @@ def print_simulation(
     if similar:
         single, integral = similar["similarity"].values()
         verdict.append(
-            f"SSIM to infinitely many photos: one photo {single:.3f}, integral {integral:.3f}"
+            f"SSIM to the image of infinitely many photos: one photo {single:.3f}, integral "
+            f"{integral:.3f}"
         )
     if written:
         verdict.append(written_text(written))
@@ -424,7 +425,7 @@ def print_scene(document: dict[str, Any]) -> None:
     rows = [
         ("Scene", _named(document["title"], document["name"])),
         ("Density", f"p = {percent(document['integrated_density'])} of the ground is hidden"),
-        ("", f"a slice fills {percent(document['mean_density'])} of its plane on average"),
+        ("", f"on average, occluders fill {percent(document['mean_density'])} of a slice"),
         ("Canopy", f"top {document['canopy_top_m']:.1f} m above ground"),
     ]
     if document["assumed"]:
