@@ -107,8 +107,8 @@ def are_same(one_m: float, other_m: float) -> bool:
 
 
 def given_units(text: str) -> Units:
-    """Metres in the units that ``--units`` gives: one unit for all axes, or one unit for x and y
-    and another one for z.
+    """Lengths in metres of the units in the option ``--units``: one unit for all axes, or one unit
+    for x and y and another unit for z.
     """
     across, _, up = text.partition(",")
     across_m = unit_m(across.strip())

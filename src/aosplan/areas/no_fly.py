@@ -82,8 +82,9 @@ class NoFlyZones:
     def crosses(self, start: Sequence[float], stop: Sequence[float]) -> bool:
         """Whether one leg passes through a zone.
 
-        This is `cross` for one leg.  A leg that is clearly beside all zones takes no arrays, because
-        the improvement of a tour tests many thousands of legs one by one.
+        This is `cross` for one leg.  A leg that is clearly beside all zones is decided without
+        arrays.  This saves time, because many thousands of legs are tested one by one when a tour
+        is improved.
         """
         x_low, y_low, x_high, y_high = self._bounds
         (ax, ay), (bx, by) = start, stop

@@ -59,7 +59,7 @@ class Terrain:
     path
         A GeoTIFF; the first band is read.
     units
-        Unit of the heights, which replaces the one that the file states (`aosplan.crs.unit_m`).
+        Unit of the heights, which replaces the unit that the file states (`aosplan.crs.unit_m`).
 
     Raises
     ------

@@ -152,8 +152,8 @@ def _lines(mission: Mission) -> Iterator[PathPoint]:
     for first, last in pairwise(ends):
         heights = above[first : last + 1]
         if max(heights) - min(heights) > LEVEL_M:
-            # Points that are in the list anyway divide a line, because the drone changes its height
-            # linearly between them.
+            # Points that other rules keep divide a line into parts, because the drone changes its
+            # height linearly between them.
             fixed = {first, last, *(kept | off) & set(range(first, last))}
             kept |= fixed
             for start, stop in pairwise(sorted(fixed)):

@@ -22,8 +22,8 @@ LEAST_LEG_M = 0.5
 """Shortest leg that DJI's flight controllers accept."""
 
 FRAMES = ("takeoff", "terrain")
-"""Altitude frames of a file: heights above the take-off point, or above the ground in the terrain
-data of the autopilot.
+"""Reference of the heights in a file: the take-off point, or the ground in the terrain data of the
+autopilot.
 """
 
 

@@ -92,7 +92,7 @@ def visibility(
     dhat
         d̂, disparity between neighbours divided by projected occluder size, at least 0.
     transparency
-        T = 1 - p, for densities so close to 1 that 1 - p would lose its digits.
+        T = 1 - p.  Give it if p is so close to 1 that 1 - p would lose digits.
 
     References
     ----------

@@ -88,9 +88,9 @@ class Kernels(NamedTuple):
     fine_m, coarse_m
         Offsets along each axis [m], symmetric about 0.
     window
-        Shape (4, n, n), on the fine lattice.  The kernels are for the window and a second window,
-        which is equal to the first, shifted by `step_m` along its length, shifted by `step_m` along
-        its width, or rotated by `turn`.
+        Shape (4, n, n), on the fine lattice.  Each kernel is for the window and a second window.
+        The second window is one of four: the same window, the window shifted by `step_m` along its
+        length, the window shifted by `step_m` along its width, and the window rotated by `turn`.
     box
         Shape (2, m, m), on the coarse lattice.  The kernels are for window and box, and for the box
         and itself.

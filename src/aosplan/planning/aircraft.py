@@ -24,8 +24,7 @@ WIRED = ("aos-", "flir-", "gopro-", "sony-")
 
 
 def with_drone_file(values: Mapping[str, Any], folder: str) -> dict[str, Any]:
-    """Options in which the path of a drone file is resolved: the file is looked for in a folder
-    first.
+    """The options with the full path of a drone file.  The file is looked for in `folder` first.
 
     This is needed because a request reads its drone before it knows the folder of its other files.
     """

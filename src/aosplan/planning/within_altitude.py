@@ -71,7 +71,9 @@ COUNTED = 2
 """Number of flights whose detection is counted in the voxels of a stand."""
 
 REFUSED = 4
-"""If this many shapes in succession cannot be flown in a way, the way is no longer tried."""
+"""If this many shapes in succession cannot be flown in the same way, this way is no longer
+tried.
+"""
 
 TIMED = 4
 """Number of flights that are laid out to compare their exact times, if the time is the
@@ -215,8 +217,8 @@ class AltitudeSearch:
         return self.timed[key]
 
     def _is_refused(self, shape: Shape, way: Way) -> bool:
-        """Whether a shape cannot be flown in a way, because laying it out failed or the way is no
-        longer tried.
+        """Whether a way is not possible for a shape: no flight was found for the shape, or the way
+        is no longer tried.
         """
         refused = self.timed.get((shape, id(way)), way) is None
         return refused or self._refused.get(id(way), 0.0) >= REFUSED

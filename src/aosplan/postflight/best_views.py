@@ -13,11 +13,11 @@ reason is that views which share least are far apart and look through more of th
 maximise V = 1 - ΣΣ_S J_ik / N², c is replaced by J, the share that both views hide: J_ik = p_i p_k
 + c_ik √(p_i (1-p_i) p_k (1-p_k)).
 
-Neither of these two sets has the integral image that is most similar to that of all M views,
-because the mean of views that are far apart is different.  The expected squared difference of the
-two integral images is ΣΣ_S J_ik / N² - 2 Σ_S Σ_all J_ik / (N M) + ΣΣ_all J_ik / M².  If -2 N/M
-Σ_all J_ik is added to each J_ii, the first two terms are a sum over pairs of S.  The same search
-therefore minimises this difference.
+Neither of these two sets is the one whose integral image is most similar to the integral image of
+all M views, because the mean of views that are far apart is different.  The expected squared
+difference of the two integral images is ΣΣ_S J_ik / N² - 2 Σ_S Σ_all J_ik / (N M) + ΣΣ_all J_ik /
+M².  If -2 N/M Σ_all J_ik is added to each J_ii, the first two terms are a sum over pairs of S.  The
+same search therefore minimises this difference.
 
 The search uses only the correlations of the model and not the voxels of the stand.  A set that is
 optimised for the gaps of one plot would be worse at other places.

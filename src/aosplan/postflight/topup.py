@@ -86,7 +86,7 @@ def topup_within(
     gain_of = dict(zip(sites, gains.tolist(), strict=True))
 
     def number_from(start: int) -> int:
-        """The largest number of consecutive sites, beginning at a start, to which a flight takes at
+        """The largest number of consecutive sites, from a start site on, that can be flown in at
         most the given time.
         """
         return last_number(

@@ -20,8 +20,8 @@ SHOOTING = {"takePhoto", "orientedShoot", "accurateShoot"}
 def read_route(path: str) -> list[tuple[str, Any, Any, Any, int, float | None]]:
     """Read the waypoints and photos of a route in order.
 
-    For each waypoint, the result has its place in the file, latitude, longitude, height, the number
-    of photos at the waypoint, and the distance between photos from this waypoint on (0: no more
+    For each waypoint, the result has six values: place in the file, latitude, longitude, height,
+    number of photos at the waypoint, and distance between photos from this waypoint on (0: no more
     photos; None: unchanged).  Photos by distance are taken from the first waypoint of an action
     group to the last.
 

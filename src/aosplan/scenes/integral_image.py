@@ -46,8 +46,8 @@ evenly (Roberts' R2 sequence).
 
 
 class CanopyRadiance(NamedTuple):
-    """Radiance of occluders: the mean M, minus the mean of the ground, and the share of the
-    variance that is common to crowns.
+    """Radiance of occluders: the mean M relative to the mean of the ground, and the share of the
+    variance that is common to whole crowns.
     """
 
     offset: float

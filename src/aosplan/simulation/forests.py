@@ -357,8 +357,8 @@ def _plant(
 
 
 def _around(count: int, place: float, reach: float) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Cells within a distance of a place on a periodic axis, each once, and their distances from
-    the place.
+    """Cells of a periodic axis within a distance of a place, and their distances from the place.
+    Each cell is listed once.
     """
     span = min(2 * math.ceil(reach) + 1, count)
     cells = math.floor(place) - span // 2 + np.arange(span)

@@ -10,8 +10,8 @@ from aosplan.validation import Finite, OpenDocument
 
 
 class TradeoffRowDocument(OpenDocument):
-    """A pattern at the smallest baseline that meets the target, or at the best one if no baseline
-    meets it.
+    """A pattern at the smallest baseline that meets the target, or at the best baseline if no
+    baseline meets the target.
 
     `front` is true if no other row that meets the target dominates the row in samples, extent and
     time.  If the objective is maximised, its value is also compared, and all rows are included in

@@ -104,8 +104,8 @@ class Intrinsics(NamedTuple):
         )
 
     def in_blocks(self, block_px: int) -> Intrinsics:
-        """Intrinsics for the same photo averaged in square blocks of pixels, without a rest at its
-        right and lower edges.
+        """Intrinsics for the same photo after its pixels are averaged in square blocks.  Incomplete
+        blocks at the right and lower edges are left out.
         """
         return self._replace(
             width_px=self.width_px // block_px,

@@ -1,9 +1,10 @@
-"""The distance of the ground from cameras whose heights above it are not known.
+"""Search for the distance of the ground from the cameras if the heights of the cameras above the
+ground are not known.
 
-Poses from photogrammetry, or heights above sea level, do not tell where the ground is.  Planes at
-very different distances are therefore compared first: from twice the spacing of the views, below
-which neighbouring photos do not overlap, to the distance beyond which the views cannot distinguish
-planes.
+The height of the ground does not follow from poses of photogrammetry or from heights above sea
+level.  Planes at very different distances are therefore compared first.  The nearest plane is at
+twice the spacing of the views, because neighbouring photos do not overlap at smaller distances.
+The farthest plane is at the largest distance at which the views can distinguish planes.
 """
 
 from __future__ import annotations
@@ -32,17 +33,21 @@ STEP_PX = 1.3
 """Shift of the outermost views between two neighbouring planes [px of these images]."""
 
 NEAREST, FARTHEST = 0.2, 20.0
-"""Range of distances, in extents of the views; the nearest is at least twice their spacing."""
+"""Smallest and largest distance, divided by the extent of the views.  The smallest distance is at
+least twice the spacing of the views.
+"""
 
 NEARER, FARTHER = 0.5, 2.2
-"""Range of distances that is searched more closely, in distances of the clearest plane.
+"""Range of distances that is searched in finer steps, divided by the distance of the clearest
+plane.
 
-The clearest plane can be that of the crowns, below which the ground is up to about twice as far.
+The clearest plane may be at the crowns.  The ground is then up to about twice as far away.
 """
 
 
 def range_below(recording: Recording, indices: NDArray[np.intp]) -> tuple[float, float]:
-    """Range of heights in which the clearest plane is, and the ground if the plane is the crowns'.
+    """Range of heights that contains the clearest plane, and also the ground if the clearest plane
+    is at the crowns.
 
     The recording's plane is moved to the clearest plane.
 
@@ -83,7 +88,9 @@ def range_below(recording: Recording, indices: NDArray[np.intp]) -> tuple[float,
 
 
 def _clearest(values: NDArray[np.float64]) -> int:
-    """Index of the peak that rises most above its surroundings; of the largest value without peaks."""
+    """Index of the peak that rises most above its surroundings; if there are no peaks, index of the
+    largest value.
+    """
     from scipy.signal import find_peaks
 
     found, about = find_peaks(values, prominence=0.0)

@@ -231,8 +231,8 @@ def find_focus(
     indices
         Indices of the views to use.
     heights_m
-        Lowest and highest plane; None for a range around the recording's plane, or, if the heights
-        of its cameras above the ground are not known, for a search at all distances.
+        Heights of the lowest and the highest plane.  None: heights around the recording's plane if
+        the heights of the cameras above the ground are known, and all distances otherwise.
     align
         One of `ALIGNMENTS`.
     sigma_m

@@ -125,8 +125,8 @@ def _thinned(
 ) -> NDArray[np.intp]:
     """Views that are at least one pitch apart, chosen from the centre outwards.
 
-    No further view can be added: the distance of each view that is left out to some chosen view is
-    less than the pitch.
+    No further view can be added, because each view that is left out is closer than the pitch to
+    some chosen view.
     """
     from scipy.spatial import cKDTree
 

@@ -1,10 +1,11 @@
 """Images warped onto a focal plane, by OpenCV.
 
-A raster is warped in tiles, each from the part of the image that it shows, so the memory does not
-depend on the size of either.  An image reaches to the outer edges of its pixels.  Between their
-centres it is interpolated bilinearly, and it is continued from the outermost centres to the edges.
-If a pixel of the raster is at least twice as large as those of the image, these are averaged in
-blocks first, so that none is skipped.
+A raster is computed in tiles.  Each tile is computed from the part of the image that it shows, so
+that the memory does not depend on the size of the raster or of the image.  An image extends to the
+outer edges of its pixels.  Between the centres of pixels, values are interpolated bilinearly.  From
+the outermost centres to the edges, the outermost values are used.  If a pixel of the raster is at
+least twice as large as a pixel of the image, the pixels of the image are averaged in blocks first,
+so that every pixel is used.
 """
 
 from __future__ import annotations
@@ -47,7 +48,9 @@ class RasterWindow(NamedTuple):
 
 
 class Relief(NamedTuple):
-    """Heights of a focal surface above its plane, and their effect per metre in a camera's frame."""
+    """Heights of a focal surface above its plane, and the vector in a camera's frame by which one
+    metre of height moves a point.
+    """
 
     heights_m: Floats
     lift: Floats
@@ -129,7 +132,9 @@ def _tiles(window: RasterWindow) -> Iterator[RasterWindow]:
 
 
 def _reached(ray: Floats, intrinsics: Intrinsics, raster: Raster) -> RasterWindow | None:
-    """The part of the raster that an image can reach; all of it if this is not known."""
+    """The part of the raster that an image can reach; the whole raster if this part is not
+    known.
+    """
     whole = _whole(raster)
     if not intrinsics.is_pinhole:
         return whole
@@ -153,8 +158,8 @@ def _reached(ray: Floats, intrinsics: Intrinsics, raster: Raster) -> RasterWindo
 def block_of(intrinsics: Intrinsics, ray: Floats, raster: Raster) -> int:
     """Side of the square blocks of an image that have about the size of a raster step [px].
 
-    It is that at the middle of the part of the raster that the image can reach; the parameters are
-    those of `warped`.
+    The size of a raster step is that at the middle of the part of the raster that the image can
+    reach.  The parameters have the same meaning as in `warped`.
     """
     window = _reached(ray, intrinsics, raster)
     return 1 if window is None else _block(intrinsics, ray, window)
@@ -177,7 +182,9 @@ def _by_homography(
     tile: RasterWindow,
     block: int,
 ) -> Warped | None:
-    """A pinhole image, warped by its homography; None if it does not reach the tile."""
+    """Warp a pinhole image by its homography.  The result is None if the image does not reach the
+    tile.
+    """
     with needs_extra("warping images", "pictures"):
         import cv2
 
@@ -245,8 +252,8 @@ def _spans(matrix: Floats, shape: tuple[int, int], intrinsics: Intrinsics) -> ND
 def _reduced(
     pixels: NDArray[np.generic], u: Floats, v: Floats, block: int
 ) -> tuple[NDArray[np.float32], tuple[int, int]]:
-    """The part of an image around some positions as float32, averaged in blocks; its left and top
-    [px].
+    """The part of an image around some positions, averaged in blocks, as float32; and its left and
+    top [px].
     """
     import cv2
 
@@ -271,7 +278,7 @@ def _by_coordinates(
     block: int,
     relief: Relief | None,
 ) -> Warped | None:
-    """Any image, warped point by point with lens distortion, and only below the horizon."""
+    """Warp any image point by point, with lens distortion, and only below the horizon."""
     with needs_extra("warping images", "pictures"):
         import cv2
 
@@ -303,5 +310,5 @@ def _by_coordinates(
 
 
 def _three_axes(values: NDArray[Any]) -> NDArray[np.float32]:
-    """An image with an axis of bands, which OpenCV removes if there is one band."""
+    """An image with an axis of bands.  OpenCV removes this axis if there is only one band."""
     return np.atleast_3d(np.asarray(values, dtype=np.float32))

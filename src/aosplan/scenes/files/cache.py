@@ -137,8 +137,7 @@ def _entry(files: Sequence[str], reading: Mapping[str, Any]) -> str | None:
 def sampled_checksum(path: str, size: int) -> str:
     """Checksum of the head, the tail and samples of a file, or of a whole file if it is small.
 
-    Size and time alone do not show that a file was replaced by another one with the same size and
-    time.
+    Size and time alone are not enough, because a different file may have the same size and time.
     """
     import hashlib
 

@@ -197,7 +197,7 @@ def _polygons(shape: Any) -> tuple[Polygon, ...]:
 
 
 def nice_length_m(span_m: float) -> float:
-    """A length of about a fifth of a span that is 1, 2 or 5 times a power of ten."""
+    """A length that is 1, 2 or 5 times a power of ten and is about a fifth of a span."""
     power = 10.0 ** math.floor(math.log10(0.25 * span_m))
     return max(step * power for step in STEPS if step * power <= 0.25 * span_m)
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class DetectionCurve(NamedTuple):
-    """A curve ready to be drawn, with its description.
+    """The points of a curve in the units of the drawing, with a description.
 
     Attributes
     ----------
