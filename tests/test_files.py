@@ -46,7 +46,7 @@ def test_nothing_to_write_writes_nothing(folder):
     assert content_of(folder) == {}
 
 
-def test_an_existing_file_stays(folder):
+def test_an_existing_file_is_not_overwritten(folder):
     (folder / "a.csv").write_bytes(b"old")
     with pytest.raises(RequestError) as caught:
         write_all({"a.csv": b"new"})
@@ -106,7 +106,7 @@ def test_a_file_that_appears_meanwhile_is_not_overwritten(folder, monkeypatch):
     assert content_of(folder) == {"b.csv": b"somebody else's"}
 
 
-def test_a_folder_is_no_output(folder):
+def test_a_folder_is_refused_as_output_file(folder):
     (folder / "plans").mkdir()
     for force in (False, True):
         with pytest.raises(RequestError, match="'plans' is a folder"):
@@ -122,7 +122,7 @@ def test_a_missing_folder_is_an_error_and_is_not_made(folder):
     assert not (folder / "no").exists()
 
 
-def test_a_file_is_no_folder(folder):
+def test_a_file_in_place_of_a_folder_is_refused(folder):
     (folder / "plan").write_bytes(b"old")
     with pytest.raises(RequestError, match="there is no folder 'plan'"):
         write_all({"plan/a.csv": b"new"})
@@ -162,7 +162,7 @@ FAILURES = [
 @pytest.mark.parametrize(
     ("module", "name", "error"), FAILURES, ids=[f"{n}-{errno.errorcode[e]}" for _, n, e in FAILURES]
 )
-def test_a_machine_that_fails_leaves_everything_as_it_was(
+def test_a_failure_of_the_machine_changes_no_file(
     folder, monkeypatch, module, name, error, on, force
 ):
     if force:
@@ -284,6 +284,6 @@ def test_stdout_stays_empty_when_a_file_fails(folder, monkeypatch):
     assert screen.buffer.getvalue() == b""
 
 
-def test_a_dash_is_never_a_file(folder):
+def test_a_dash_is_the_standard_output_even_if_a_folder_has_this_name(folder):
     (folder / "-").mkdir()
     check_output("-", force=False)

@@ -210,7 +210,7 @@ def test_both_names_of_the_antimeridian_are_one_place():
     assert one[1] == pytest.approx(other[1], abs=1e-9)
 
 
-def test_nothing_in_gives_nothing_out():
+def test_empty_input_gives_empty_output():
     assert to_wgs84((48.0, 14.0), [], []) == ([], [])
 
 

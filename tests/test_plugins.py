@@ -109,7 +109,7 @@ def test_a_drone_file_with_a_fault_is_refused(tmp_path, old, new, words):
         (["--origin", "47.15", "11.35"], "--origin LAT,11.35"),
     ],
 )
-def test_hints_know_what_people_type(line, hint, capsys):
+def test_likely_mistakes_in_names_give_a_hint(line, hint, capsys):
     assert run(["plan", "--altitude", "40", *line]) == 2
     assert hint in capsys.readouterr().err
 

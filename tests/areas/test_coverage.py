@@ -54,7 +54,7 @@ def test_spans_without_others_are_the_difference(one, other):
     whole_numbers,
     st.lists(st.tuples(st.integers(-9, 9), st.integers(0, 4)), min_size=1, max_size=4),
 )
-def test_spans_dilated_are_all_sums(numbers, runs):
+def test_dilated_spans_contain_all_sums_of_their_elements(numbers, runs):
     runs = [(first, first + more) for first, more in runs]
     sums = {n + k for n in numbers for first, last in runs for k in range(first, last + 1)}
     assert set(spans(numbers).dilated(runs).numbers().tolist()) == sums

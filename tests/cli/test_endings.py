@@ -140,7 +140,7 @@ def test_what_has_ctrl_c_ignored_keeps_it_ignored():
 
 
 @pytest.mark.parametrize("after_s", [0.0, 0.05])
-def test_a_termination_is_silent(after_s):
+def test_a_terminated_program_prints_nothing(after_s):
     status, err = signalled(signal.SIGTERM, after_s, ["plan", "--altitude", "40"])
     assert (status, err) == (143, "")
 

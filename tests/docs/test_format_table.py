@@ -42,7 +42,9 @@ def test_it_has_every_drone(rows):
         ("autel-evo-max-4n", "autel", "stop"),
     ],
 )
-def test_a_cell_is_what_the_command_does(rows, drone, name, trigger, tmp_path):
+def test_a_cell_of_the_table_of_formats_agrees_with_the_command(
+    rows, drone, name, trigger, tmp_path
+):
     camera = [] if DRONES[drone].camera else ["--camera", "flir-vue-pro-640-9mm"]
     command = ["plan", "--altitude", "40", "--origin", "48.3,14.3", "--drone", drone, *camera]
     status = run([*command, "--trigger", trigger, "--out", f"{name}:{tmp_path / 'grid'}"])

@@ -74,7 +74,7 @@ def test_heights_in_an_unknown_unit(tmp_path):
     assert "'cubit'" in refused(path).message
 
 
-def test_complex_numbers_are_no_heights(tmp_path):
+def test_complex_numbers_are_refused_as_heights(tmp_path):
     path = saved(tmp_path / "complex.tif", surface(slope).astype(np.complex64))
     assert "complex" in refused(path).message
 
@@ -102,6 +102,6 @@ def test_a_raster_cut_short(tmp_path, sloped):
         assert refused(path).message
 
 
-def test_a_net_address_is_no_file():
+def test_an_internet_address_is_refused_as_file():
     for path in ("http://localhost/dem.tif", "/vsicurl/http://localhost/x", "zip://a.zip!b.tif"):
         assert "is not a file" in refused(path).message

@@ -37,7 +37,7 @@ def in_state_plane(path, heights, crs="EPSG:2227", unit=""):
         ("EPSG:2227", "", "m", 1.0),
     ],
 )
-def test_one_ground_in_every_unit(tmp_path, crs, unit, given, metres):
+def test_one_ground_is_the_same_in_every_unit(tmp_path, crs, unit, given, metres):
     heights = np.full((100, 100), 498.0 / metres, dtype=np.float64)
     path = in_state_plane(tmp_path / "feet.tif", heights, crs, unit)
     assert at(path, given, PLACE) == pytest.approx(498.0, abs=1e-6)

@@ -59,7 +59,7 @@ def test_sites_lie_on_two_arms_whose_turns_are_as_far_apart_as_asked(spiral):
 
 
 @every
-def test_it_is_its_own_image_about_the_middle_of_its_extent(spiral):
+def test_a_spiral_is_point_symmetric_about_the_middle_of_its_extent(spiral):
     sites = list(spiral.offsets())
     for (x, y), (mirrored_x, mirrored_y) in zip(sites, reversed(sites), strict=True):
         assert (x, y) == pytest.approx((-mirrored_x, -mirrored_y), abs=1e-12)

@@ -335,7 +335,7 @@ def test_what_is_counted_in_voxels_is_what_the_measured_model_sees(slice_m):
     assert 0.0 < found.standard_error < 0.2
 
 
-def test_an_empty_stand_hides_nobody():
+def test_in_an_empty_stand_every_target_is_found():
     volume = VoxelVolume(np.zeros((4, 60, 60), dtype=bool), 0.4)
     found = count_detection(
         volume, np.zeros((1, 2)), 40.0, PERSON, Signature(3.0, 0.0, 0.0), false_alarms=1.0

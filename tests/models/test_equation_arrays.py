@@ -122,7 +122,7 @@ def test_arrays_of_whole_numbers_lists_and_0_d_arrays_are_taken():
     assert float(zero_d) == visibility(0.5, 7, 7, 1.0)
 
 
-def test_scalars_in_give_a_float():
+def test_scalar_arguments_give_a_float():
     for value in (
         *computed_values(0.5, 7, 7, 1.0),
         *visibility_limits(0.5),

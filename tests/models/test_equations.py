@@ -338,7 +338,7 @@ ratios = st.floats(-6.0, 6.0).map(lambda exponent: 10.0**exponent)
 
 
 @given(share=shares, ratio=ratios, size=st.floats(1e-3, 1e3))
-def test_p_and_transparency_make_1(share, ratio, size):
+def test_the_sum_of_p_and_transparency_is_1(share, ratio, size):
     p = integrated_density(share, ratio * size, size)
     t = transparency(share, ratio * size, size)
     assert 0.0 <= p <= 1.0

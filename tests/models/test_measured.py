@@ -117,7 +117,7 @@ def test_the_focal_plane_may_be_raised(forest):
 # --- Memory ----------------------------------------------------------------------------------
 
 
-def test_kept_views_change_nothing(forest, monkeypatch):
+def test_caching_views_does_not_change_results(forest, monkeypatch):
     patterns = [(pattern_for("trimmed", count), 1.5) for count in (4, 9, 16, 9, 25)]
     fresh = [MeasuredModel(forest, 50.0).predict(*plan) for plan in patterns]
     kept = MeasuredModel(forest, 50.0)
@@ -142,7 +142,7 @@ def test_kept_views_are_not_computed_again(forest, monkeypatch):
 # --- Properties that the solver uses ---------------------------------------------------------
 
 
-def test_the_plot_bounds_the_aperture(forest):
+def test_the_width_of_the_plot_limits_the_aperture(forest):
     model = MeasuredModel(forest, 50.0)
     # Rays from both ends are half a plot apart at the top.
     apart = model.widest_aperture_m * forest.canopy_top_m / 50.0

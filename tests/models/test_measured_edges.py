@@ -162,7 +162,7 @@ def test_no_grid_that_a_search_may_take_wraps(stand, heading):
     assert model.edges_of(pattern, widest) == "interior"
 
 
-def test_a_thin_rim_is_told():
+def test_a_thin_rim_is_reported():
     dense = STANDS["spruce"]._replace(trees=3 * STANDS["spruce"].trees)
     stand = clumped_forest(dense, side_m=36.0, voxel_m=0.5)
     assert thin_rim(stand) is None

@@ -167,7 +167,7 @@ def test_translation_mirrors_exchange_of_axes_and_scale_do_not_matter(seed, shif
     assert positions_shortfall(points * scale, 3.0 * scale) == near(shortfall, rel=ACCURACY)
 
 
-def test_duplicates_count_as_often_as_they_occur():
+def test_each_duplicate_is_counted():
     points = scattered(30, seed=3)
     doubled = np.vstack([points, points])
     assert positions_shortfall(doubled, 2.0) == near(positions_shortfall(points, 2.0), rel=ACCURACY)

@@ -28,7 +28,7 @@ def request_of(rows, columns, baseline, **values):
 
 @pytest.mark.parametrize("trigger", ["stop", "distance"])
 @pytest.mark.parametrize(("rows", "columns", "baseline"), GRIDS)
-def test_at_one_place_it_is_the_time_of_the_flight(rows, columns, baseline, trigger):
+def test_at_one_place_the_least_time_is_the_time_of_the_flight(rows, columns, baseline, trigger):
     request = request_of(rows, columns, baseline, trigger=trigger)
     route = plan(request).route
     flight = resolve_inputs(request).flight

@@ -45,7 +45,7 @@ def test_a_signature_is_named_as_assumed_and_in_the_request():
     assert "detection_crown_clutter" in codes(planned)
 
 
-def test_words_of_a_search():
+def test_the_text_of_a_plan_states_its_detection():
     planned = plan(PlanRequest(altitude=40, find="person", samples=9, baseline=1.0, **OWN))
     hundred = round(100 * planned.detection.probability)
     words = detection_text(planned)
@@ -66,7 +66,7 @@ def test_warnings_of_few_photos_and_of_targets_below_a_pixel():
     }
 
 
-def test_bare_ground_shows_everyone():
+def test_on_bare_ground_every_target_is_found():
     bare = plan(
         PlanRequest(
             altitude=40,
@@ -94,7 +94,7 @@ def test_bare_ground_shows_everyone():
         ({"find": "person", **OWN, "contrast": 0.0}, "cannot be found"),
     ],
 )
-def test_what_is_refused(options, message):
+def test_invalid_search_options_are_refused(options, message):
     with pytest.raises(RequestError, match=message):
         PlanRequest(altitude=40, **options)
 

@@ -92,7 +92,7 @@ def test_the_trimmed_grid_has_its_surplus_taken_from_the_corners():
         assert 2.8 * math.dist(site, middle) >= farthest - 1e-9
 
 
-def test_bounds_bound():
+def test_plans_keep_to_the_bounds_on_aperture_and_samples():
     for most in (18.5, 19.0, 19.6):
         result = planned(max_aperture=most)
         assert max(result.extent_m) <= most * (1 + 1e-9)

@@ -78,7 +78,7 @@ def test_the_usual_place(environment, platform, path):
     assert usual_path(environment, platform) == path
 
 
-def test_nothing_there_is_nothing_taken(request_of):
+def test_without_a_file_of_defaults_no_defaults_are_taken(request_of):
     assert (
         request_of("--altitude", 40)
         == PlanRequest(altitude=40, model="uniform", rays="nadir").document()
@@ -215,7 +215,7 @@ def test_errors_name_the_file(folder, capsys, text):
     assert "d.toml" in err.splitlines()[0]
 
 
-def test_a_folder_is_no_file(folder, capsys):
+def test_a_folder_in_place_of_a_file_is_refused(folder, capsys):
     assert "no file" in refused(capsys, "--altitude", 40, "--defaults", ".")
 
 

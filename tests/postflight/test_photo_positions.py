@@ -65,7 +65,7 @@ def test_photos_without_a_place_are_named_and_others_kept_in_order(tmp_path):
 
 
 @pytest.mark.parametrize("gps", [{2: (1.0,)}, {2: "x"}, {4: (rational(400), 0, 0)}])
-def test_damaged_positions_are_none(tmp_path, gps):
+def test_photos_with_damaged_positions_have_no_position(tmp_path, gps):
     photo(tmp_path / "a.jpg", 10.0, 20.0)
     try:
         photo(tmp_path / "b.jpg", 10.0, 20.0, gps=gps)

@@ -109,7 +109,7 @@ def test_heights_of_a_stack():
     assert read_stack("1,5,2") == [1, 5, 2]
 
 
-def test_exposures_come_together(folder):
+def test_photos_of_different_exposure_are_matched(folder):
     views = list(sites())
     gains = np.linspace(0.6, 1.4, len(views))
     images = [np.clip(np.rint(0.5 * g * photo(*v)), 0, 255).astype(np.uint8) for g, v in zip(gains, views, strict=True)]  # fmt: skip
@@ -150,7 +150,7 @@ def test_feathered_photos_leave_no_seam(folder):
     assert steps[1] < 10.0
 
 
-def test_an_uneven_veil_goes():
+def test_an_uneven_veil_is_removed():
     rng = np.random.default_rng(1)
     detail = rng.normal(0, 1, (80, 80))
     veil = np.linspace(0, 200, 80)[:, None]

@@ -90,7 +90,7 @@ def test_a_plan_is_the_same_with_and_without(place, cloud, monkeypatch):
 
 
 @pytest.mark.parametrize("change", [{"voxel": 0.5}, {"ground": "class"}, {"min_height": 3.5}])
-def test_other_options_are_another_reading(place, cloud, readings, change):
+def test_other_options_of_the_reader_have_their_own_cache_entry(place, cloud, readings, change):
     resolved(cloud)
     assert not resolved(cloud, **change).from_cache
     assert resolved(cloud, **change).from_cache

@@ -61,7 +61,7 @@ def test_a_camera_in_toml_has_finite_numbers(tmp_path, value):
     assert "focal_length_mm" in refusal(read_camera, str(path)).message
 
 
-def test_half_a_pixel_is_none(written):
+def test_a_width_of_half_a_pixel_is_refused(written):
     assert (
         "image_width_px" in refusal(read_camera, written(CAMERA | {"image_width_px": 0.5})).message
     )

@@ -217,7 +217,7 @@ def test_a_raster_that_is_no_plot_in_metres_is_named(raster, change, said):
         (np.zeros((4, 5), np.complex64), "complex64"),
     ],
 )
-def test_heights_that_are_none_are_named(raster, heights, said):
+def test_invalid_heights_are_named_in_the_error(raster, heights, said):
     assert said in refusal(raster(heights)).message
 
 
@@ -232,7 +232,7 @@ def test_a_huge_raster_is_refused_before_it_is_read(raster, monkeypatch):
     assert "60 x 40 cells" in refusal(path).message
 
 
-def test_a_sparse_giant_is_refused(tmp_path):
+def test_a_very_large_sparse_raster_is_refused(tmp_path):
     path = tmp_path / "giant.tif"
     with rasterio.open(
         path,

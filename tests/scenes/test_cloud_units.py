@@ -85,7 +85,7 @@ def test_one_stand_in_every_point_format_and_scaling(tmp_path, truth, point_form
     suffix=st.sampled_from(["las", "laz"]),
     tiles=st.sampled_from([1, 3]),
 )
-def test_one_stand_in_every_dress_reads_the_same(
+def test_one_stand_reads_the_same_from_every_file_format(
     tmp_path_factory, truth, across, up, way, point_format, suffix, tiles
 ):
     folder = tmp_path_factory.mktemp("dressed")

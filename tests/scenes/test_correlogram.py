@@ -149,7 +149,7 @@ def test_the_document_is_plain(table):
 
 
 @pytest.mark.parametrize("fill", [None, False, True])
-def test_stands_of_all_or_nothing(fill):
+def test_correlograms_of_full_and_empty_stands_are_valid(fill):
     shape = (0 if fill is None else 4, 5, 6)
     table = correlogram(VoxelVolume(np.full(shape, bool(fill)), 1.0))
     json.dumps(table.to_document(), allow_nan=False)
@@ -180,13 +180,13 @@ def test_a_pattern_is_the_mean_over_all_its_pairs(
     assert by_lattice == pytest.approx(by_pairs, rel=1e-9)
 
 
-def test_only_slopes_count(table):
+def test_the_result_depends_only_on_slopes(table):
     near, far = CorrelogramModel(table, 40.0), CorrelogramModel(table, 80.0)
     pattern = pattern_for("trimmed", 20)
     assert far.predict(pattern, 3.0) == pytest.approx(near.predict(pattern, 1.5), rel=1e-12)
 
 
-def test_it_answers_what_the_solver_asks(forest, table):
+def test_the_correlogram_has_the_properties_that_the_solver_needs(forest, table):
     quick, exact = CorrelogramModel(table, 50.0), MeasuredModel(forest, 50.0)
     assert (quick.density, quick.transparency) == (exact.density, exact.transparency)
     assert quick.widest_aperture_m == pytest.approx(exact.widest_aperture_m, rel=1e-12)

@@ -97,7 +97,7 @@ def test_no_leaves_hide_nothing():
 
 
 @given(st.floats(1e-6, 1e9), st.floats(1e-6, 1e9), st.floats(0.0, 1e9), st.floats(1e-6, 1e9))
-def test_any_numbers_give_a_share(stems, crown, leaves, size):
+def test_any_inventory_gives_a_share_between_0_and_1(stems, crown, leaves, size):
     stand = scene(
         stems_per_hectare=stems,
         crown_diameter_m=crown,
@@ -125,7 +125,7 @@ def test_a_number_outside_its_domain_is_named(name, value):
         scene(**{name: value})
 
 
-def test_what_is_assumed_is_said():
+def test_an_inventory_states_its_assumptions():
     assert "G = 0.5" in scene().assumed
     assert "from 6 to 16 m" in scene().assumed
     assert "Nilson" in scene().source

@@ -41,13 +41,13 @@ def test_independent_cells_are_one_cell_large(density):
 
 @pytest.mark.parametrize("size", [2, 4, 8])
 @pytest.mark.parametrize("density", [0.02, 0.1, 0.5])
-def test_blocks_are_as_large_as_they_are(size, density):
+def test_the_measured_size_of_blocks_is_their_true_size(size, density):
     rng = np.random.default_rng(size)
     ranges = [integral_range(blocks(rng, size, density)) for _ in range(40)]
     assert np.mean(ranges) == pytest.approx(size, rel=0.09)
 
 
-def test_one_block_on_an_empty_plot_is_as_large_as_it_is():
+def test_the_measured_size_of_one_block_on_an_empty_plot_is_its_true_size():
     mask = np.zeros((64, 80), dtype=bool)
     mask[10:16, 20:26] = True
     assert integral_range(mask) == pytest.approx(6.0, rel=0.02)
@@ -184,7 +184,7 @@ def test_near_lags_are_means_over_the_pairs_of_windows():
     np.testing.assert_allclose(rings, want[:5], atol=1e-5)
 
 
-def test_blocks_are_summed_as_they_are():
+def test_block_sums_are_the_sums_of_whole_blocks():
     mask = np.random.default_rng(0).random((50, 43)) < 0.7
     for block in (8, 16):
         got = occluder_statistics.block_sums(mask, block)

@@ -67,7 +67,7 @@ def test_opacity_from_pulses_is_kept_with_its_bounds(tmp_path):
     "document",
     [{}, {"source": "pulses"}, {"source": "voxels", "seed": "x"}, {"source": "no"}, [1], "voxels"],
 )
-def test_an_opacity_that_is_none_is_refused(document):
+def test_an_invalid_opacity_is_refused(document):
     with pytest.raises((TypeError, ValueError)):
         Opacity.from_document(document)
 
@@ -98,7 +98,7 @@ def test_a_file_of_voxels_alone_is_a_stand_too(tmp_path):
 
 
 @pytest.mark.parametrize("layers", [[[1]], [["a", 2, 0.5, 1]], 7, [[3, 2, 0.5, 1]], [], None])
-def test_layers_that_are_none_are_refused(tmp_path, layers):
+def test_invalid_layers_are_refused(tmp_path, layers):
     path = tmp_path / "odd.npz"
     path.write_bytes(volume_npz(FOREST))
     with np.load(path) as arrays:

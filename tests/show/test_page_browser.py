@@ -210,7 +210,7 @@ def test_hovering_over_a_site_says_which_it_is(pages, opened):
         assert tip.is_hidden()
 
 
-def test_a_tap_chooses_a_site(pages, opened):
+def test_tapping_the_map_selects_a_site(pages, opened):
     _, path = pages("default")
     with opened(path, PHONE) as page:
         page.locator("#map").scroll_into_view_if_needed()

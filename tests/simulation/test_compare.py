@@ -44,7 +44,7 @@ def clumped(flight):
 
 @pytest.mark.parametrize("forest", ["noise", "uniform", "layered"])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_right_model_agrees(flight, forest, seed):
+def test_a_correct_model_agrees_with_the_simulation(flight, forest, seed):
     found = simulate(flight, Settings(seed, 0.004, forest, "telecentric"))
     assert found.agree, found.differences
     assert found.precise

@@ -213,7 +213,7 @@ def test_nothing_that_enumeration_finds_costs_less(stands, stand, grid, bounds):
         assert max(fewer, default=0.0) < best
 
 
-def test_a_plot_bounds_the_aperture(beech):
+def test_the_width_of_a_plot_limits_the_aperture(beech):
     found = solve_by_scan(beech._replace(requirement=vhat("0.5")))
     assert found.pattern.longer_side * found.baseline_m <= beech.model.widest_aperture_m * (
         1 + 1e-9

@@ -354,7 +354,7 @@ def test_where_no_scheduler_answers_it_is_an_error(
     assert os.listdir(tmp_path) == []  # No part was finished, so that no file remains.
 
 
-def test_a_worker_is_no_scheduler(cluster, campaign, tmp_path, capsys):
+def test_the_address_of_a_worker_is_refused_as_scheduler(cluster, campaign, tmp_path, capsys):
     from distributed import Client
 
     cluster.crew(1)

@@ -42,7 +42,7 @@ def rows_of(*arguments):
 
 
 @pytest.mark.usefixtures("mine")
-def test_a_sweep_takes_what_it_does_not_name(folder):
+def test_a_sweep_takes_the_defaults_of_options_that_it_does_not_name(folder):
     (folder / "s.toml").write_text("[sweep]\nvhat = [0.5, 0.8]\n")
     rows = rows_of("s.toml")
     assert [(row["altitude"], row["drone"], row["speed"]) for row in rows] == [

@@ -278,7 +278,7 @@ def test_fixed_baselines_are_columns_too():
         {"samples": [50], "max_samples": [9_000_000_000_000_000]},
     ],
 )
-def test_nothing_of_these_is_left_to_rows(axes):
+def test_these_scenarios_are_all_solved_as_columns(axes):
     crossing = ScenarioProduct(
         {
             name: column_of(values)

@@ -309,7 +309,7 @@ def test_a_row_that_cannot_be_simulated_says_why(tmp_path, capsys):
     assert "row 1 is not simulated" in capsys.readouterr().out
 
 
-def test_nothing_met_is_nothing_simulated(tmp_path, capsys):
+def test_without_a_plan_nothing_is_simulated(tmp_path, capsys):
     path = tmp_path / "s.toml"
     path.write_text("[sweep]\naltitude = [5, 6]\n")
     assert sweep(path, "--simulate", 5) == 0

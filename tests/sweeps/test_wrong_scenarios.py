@@ -63,7 +63,7 @@ CROSSINGS = [
 
 
 @pytest.mark.parametrize(("content", "words"), CROSSINGS)
-def test_wrong_crossings_are_one_line(folder, refused, content, words):
+def test_wrong_crossings_give_an_error_of_one_line(folder, refused, content, words):
     (folder / "empty.txt").write_text("\n \n")
     (folder / "text.txt").write_text("40\nfifty\n")
     (folder / "s.toml").write_text(f"[sweep]\n{content}\n")
@@ -98,7 +98,7 @@ TABLES = [
 
 
 @pytest.mark.parametrize(("content", "words"), TABLES)
-def test_wrong_tables_are_one_line(folder, refused, content, words):
+def test_wrong_tables_give_an_error_of_one_line(folder, refused, content, words):
     (folder / "s.csv").write_bytes(content)
     error = refused("s.csv")
     assert all(word in error for word in words), error
@@ -124,7 +124,7 @@ def test_spreadsheets_are_called_so(folder, refused, name):
 
 
 @pytest.mark.parametrize("content", [b"", b"PAR1 not really", b"PAR1" + bytes(20) + b"PAR1"])
-def test_a_parquet_that_is_none_is_an_error(folder, refused, content):
+def test_a_file_that_is_not_parquet_is_an_error(folder, refused, content):
     (folder / "s.parquet").write_bytes(content)
     assert "is not a table of scenarios" in refused("s.parquet")
 
