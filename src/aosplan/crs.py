@@ -242,7 +242,9 @@ def horizontal(crs: CRS) -> CRS:
 
 
 def vertical_name(crs: CRS) -> str | None:
-    """Name of the vertical part of a coordinate reference system; None if it has none."""
+    """Name of the vertical part of a coordinate reference system; None if the system has no
+    vertical part.
+    """
     return next((str(part.name) for part in crs.sub_crs_list if part.is_vertical), None)
 
 

@@ -2,8 +2,8 @@
 
 A flight starts and ends at the take-off point.  The drone climbs to a height that is safe for the
 transit, and flies horizontally to the first waypoint at the transit speed.  From the last waypoint
-it returns in the same way.  The height of the return is safe from every waypoint.  If the take-off
-point is not known, it is assumed to be below the first waypoint of the plan.
+it returns in the same way.  The return flight from every waypoint is at a safe height.  If the
+take-off point is not known, it is assumed to be below the first waypoint of the plan.
 """
 
 from __future__ import annotations

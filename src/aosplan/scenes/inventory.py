@@ -20,8 +20,8 @@ area (Nilson 1971, Agricultural Meteorology 8, 25-38; Nilson 1999, Agricultural 
 Meteorology 98-99, 437-448; G: Ross 1981, The Radiation Regime and Architecture of Plant Stands).
 
 The optical depth -ln(1 - p) is distributed over the height like the leaf area: in proportion to the
-cross-section of the ellipsoid.  Slices are treated as independent.  In real stands they are not,
-because leaves are clumped.  V̂ is therefore an upper bound.
+cross-section of the ellipsoid.  Slices are treated as independent.  In real stands, slices are not
+independent, because leaves are clumped.  V̂ is therefore an upper bound.
 """
 
 from __future__ import annotations

@@ -21,8 +21,7 @@ side.
 vector c H/h, which is rounded to whole targets.  A view is then the bitwise OR of shifted slices,
 and no rays are traced.  Targets along x are bits of octets, and octets along y are adjacent in
 memory.  A shift along x by less than an octet is computed once for all views that need it.  Each
-other shift is an offset in memory.  It is therefore computed as an OR with one contiguous piece of
-memory.
+other shift is an offset in memory, and needs only an OR with one contiguous piece of memory.
 
 **Perspective views are also scaled.**  The position of a ray along x depends only on the x of camera
 and target, and its position along y only on their y.  Octets of columns are therefore selected once

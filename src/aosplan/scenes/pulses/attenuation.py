@@ -138,8 +138,8 @@ def _grown(values: Singles, shape: tuple[int, ...]) -> Singles:
 
 
 def best_strengths(halves: tuple[VoxelSums, VoxelSums], voxel_m: float) -> Strengths:
-    """The strengths of the shrinkages with which each half of the pulses predicts the other half
-    best.
+    """Find strengths of the two shrinkages, such that each half of the pulses predicts the other
+    half as well as possible.
 
     The log-likelihood of a half is that of a Poisson process along its paths: Σ I log λ - L λ.
     """
