@@ -1,5 +1,9 @@
 """Figures on axes of Matplotlib."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 import aosplan
@@ -55,3 +59,23 @@ def test_other_results_are_drawn(placed, tmp_path):
     heights = simulated.plot().get_legend_handles_labels()[1]
     assert heights == ["predicted", "simulated ± 2 s.e."]
     assert aosplan.thin(tmp_path / "flown.csv", 4, placed).plot().get_aspect() == 1.0
+
+
+def test_a_backend_that_is_loaded_by_a_figure_stays_interactive(tmp_path):
+    # The backend of notebooks turns the interactive mode on when the first figure loads it, and
+    # displays figures only in this mode.
+    (tmp_path / "notebook_backend.py").write_text(
+        "import matplotlib\n"
+        "from matplotlib.backends.backend_agg import FigureCanvas\n"
+        "matplotlib.interactive(True)\n"
+    )
+    code = (
+        "import aosplan, matplotlib\n"
+        "aosplan.plan(altitude=40).plot()\n"
+        "assert matplotlib.is_interactive()\n"
+    )
+    surroundings = os.environ | {
+        "MPLBACKEND": "module://notebook_backend",
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path]),
+    }
+    subprocess.run([sys.executable, "-c", code], check=True, env=surroundings, timeout=120)

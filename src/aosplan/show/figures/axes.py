@@ -70,6 +70,7 @@ def plotted(kind: FigureKind, shown: FigureData, ax: Axes | None = None) -> Any:
             ax.legend(handles=handles, fontsize="small")
         ax.set_title(shown.title, fontsize="medium")
         return ax
+    import matplotlib as mpl
     import matplotlib.pyplot as plt
     import numpy as np
 
@@ -80,6 +81,10 @@ def plotted(kind: FigureKind, shown: FigureData, ax: Axes | None = None) -> Any:
         figure = plt.figure(figsize=(width, width * kind.height), layout="constrained")
         kind.draw(figure, shown, look.theme)
         # Ticks read their settings when they are drawn for the first time.
+        interactive = mpl.is_interactive()
         figure.draw_without_rendering()
+    # The first figure loads the backend. That of a notebook turns the interactive mode on, without
+    # which later figures are not displayed, and the end of the context turned it off.
+    mpl.interactive(interactive)
     panels = [panel for panel in figure.axes if panel.get_label() != "<colorbar>"]
     return panels[0] if len(panels) == 1 else np.array(panels)
