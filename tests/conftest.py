@@ -58,13 +58,6 @@ def pytest_collection_modifyitems(items):
             item.add_marker("browser")
 
 
-def pytest_collection_finish():
-    """Leave the collected tests out of garbage collections, because they live to the end."""
-    gc.collect()
-    gc.freeze()
-    gc.set_threshold(20_000, 20, 20)
-
-
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """An empty folder as the current one, so that tests leave no files elsewhere."""
