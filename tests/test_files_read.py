@@ -43,7 +43,7 @@ def test_a_missing_file_is_named(folder):
     assert caught.value.message == "no file 'no.toml'"
 
 
-def test_a_folder_is_no_file(folder):
+def test_a_folder_in_place_of_a_file_is_refused(folder):
     with pytest.raises(RequestError, match="is a folder, not a file"):
         read_bytes(".")
 
@@ -181,7 +181,7 @@ def test_a_name_given_twice_in_json_is_refused_as_in_toml(folder):
 
 
 @pytest.mark.parametrize("constant", ["NaN", "Infinity", "-Infinity"])
-def test_json_has_no_nan(folder, constant):
+def test_nan_in_json_is_refused(folder, constant):
     (folder / "a.json").write_text(f'{{"altitude": {constant}}}')
     with pytest.raises(RequestError, match="is not a number"):
         read_table("a.json")
@@ -289,7 +289,7 @@ def test_text_of_powershell_and_notepad_is_read(folder, encoding):
     assert read_table("a.toml") == {"name": "Wald é"}
 
 
-def test_a_path_of_windows_is_a_hint(folder):
+def test_a_windows_path_in_double_quotes_gives_a_hint(folder):
     (folder / "a.toml").write_text('scene = "C:\\Users\\new\\stand.laz"\n')
     with pytest.raises(RequestError, match="line 1") as caught:
         read_table("a.toml")
@@ -316,7 +316,7 @@ def test_dots_in_texts_and_comments_are_no_depth(folder, text, value):
 
 
 @pytest.mark.parametrize("key", [DOTS + "c", "'a'.\"b\" . " * 40 + "c", f"x = '#'\n[{DOTS}c]\ny"])
-def test_dotted_keys_are_depth(folder, key):
+def test_dotted_keys_count_as_nesting(folder, key):
     (folder / "a.toml").write_text(f"{key} = 1")
     with pytest.raises(RequestError, match="nested too deeply to be read"):
         read_table("a.toml")

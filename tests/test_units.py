@@ -117,7 +117,7 @@ def test_values_that_are_no_finite_number_are_refused(name, value):
 
 @pytest.mark.parametrize("value", [True, False])
 @pytest.mark.parametrize("name", NUMERIC)
-def test_booleans_are_no_numbers(name, value):
+def test_booleans_are_refused_as_numbers(name, value):
     assert refusal(PARSERS[name], value, "x").message == f"x '{value}' is not a finite number"
 
 
@@ -207,11 +207,11 @@ def test_one_of_names_the_choices_and_the_nearest():
 
 
 @pytest.mark.parametrize("value", [3, None, ["auto"], {"auto": 1}, "AUTO", " auto"])
-def test_one_of_takes_nothing_else(value):
+def test_one_of_refuses_values_that_are_no_choice(value):
     refusal(PARSERS["one_of"], value, "--ground")
 
 
-def test_nothing_near_is_no_hint():
+def test_without_a_similar_name_there_is_no_hint():
     assert q.nearest_hint("zzzzzz", ["auto", "class"]) == ""
 
 
@@ -223,7 +223,7 @@ def test_a_long_name_does_not_slow_the_search_for_the_nearest():
 
 
 @pytest.mark.parametrize("value", ["", "  ", "\t", 3, None, ["x"], True])
-def test_word_refuses_what_names_nothing(value):
+def test_word_refuses_text_that_cannot_be_a_name(value):
     assert refusal(q.word, value, "--scene").message.endswith("is not a name")
 
 

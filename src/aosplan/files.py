@@ -356,7 +356,7 @@ def check_output(path: str, *, force: bool) -> None:
 
 
 def write_all(contents: Mapping[str, bytes], *, force: bool = False) -> None:
-    """Write several files: all of them completely, or none.
+    """Write several files.  Either all files are written completely, or no file is written.
 
     Each file is written to a temporary file in the same folder.  The temporary files are renamed
     only when all of them are on the disk.

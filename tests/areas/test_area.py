@@ -216,7 +216,7 @@ def test_a_buffer_is_kept_everywhere_and_hardly_exceeded(distance):
     assert nearest >= distance * (1 - 1e-9)
 
 
-def test_zones_elsewhere_are_a_warning(file):
+def test_zones_far_from_the_area_give_a_warning(file):
     path = file([rectangle(14.0, 48.0, 14.01, 48.01)])
     away = file([rectangle(15.0, 48.0, 15.01, 48.01)], name="away.geojson")
     area = read_area(path, clear=away, no_fly=away)

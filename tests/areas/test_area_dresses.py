@@ -103,7 +103,7 @@ DRESSES = {
 
 
 @pytest.mark.parametrize("name", DRESSES)
-def test_one_area_in_every_dress(written, name):
+def test_one_area_is_the_same_in_every_file_format(written, name):
     outline = read_outline(written(DRESSES[name]))
     ((ring,),) = outline.polygons
     assert ring == pytest.approx(np.array(RING), abs=2e-9)

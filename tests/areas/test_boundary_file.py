@@ -295,7 +295,7 @@ def test_too_many_positions_are_refused_early(file, monkeypatch, form):
 
 
 @given(st.binary(max_size=300))
-def test_no_content_is_a_traceback(tmp_path_factory, content):
+def test_no_file_content_causes_a_traceback(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("any") / "area"
     for start in (b"", b"PK\x03\x04", b"<", b'{"type": "Polygon", "coordinates": '):
         path.write_bytes(start + content)

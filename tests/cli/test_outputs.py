@@ -101,7 +101,7 @@ def test_a_full_disk_is_status_1_and_leaves_nothing(folder, command, monkeypatch
     assert list(folder.iterdir()) == []
 
 
-def test_no_permission_is_status_1(command, monkeypatch):
+def test_a_missing_permission_ends_with_status_1(command, monkeypatch):
     def refuse(*arguments, **words):
         raise PermissionError(13, "Permission denied")
 
@@ -109,7 +109,7 @@ def test_no_permission_is_status_1(command, monkeypatch):
     check_refusal(*command("plan", "--altitude", "40", "--out", "a.csv"), expected=1)
 
 
-def test_ctrl_c_is_no_traceback(command, monkeypatch):
+def test_ctrl_c_causes_no_traceback(command, monkeypatch):
     def interrupt(handle):
         raise KeyboardInterrupt
 

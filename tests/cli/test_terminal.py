@@ -48,7 +48,7 @@ def test_json_is_utf_8_whatever_the_terminal():
     assert "d̂ ≥ 1" in process("schema", "request", PYTHONIOENCODING="ascii").stdout.decode()
 
 
-def test_a_pipe_gets_no_colour():
+def test_output_to_a_pipe_has_no_colour():
     for arguments in (["plan", "--altitude", "40"], ["cameras"], ["plan", "--help"]):
         done = process(*arguments, TERM="xterm-256color")
         assert b"\x1b" not in done.stdout + done.stderr

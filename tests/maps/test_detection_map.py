@@ -205,7 +205,7 @@ def test_success_is_detection_times_the_prior_that_is_there(tmp_path, over_field
         (np.ones((2, 2)), {"count": 2}, "has 2 bands"),
     ],
 )
-def test_a_raster_that_is_no_prior_is_refused(tmp_path, over_field, values, profile, message):
+def test_an_invalid_prior_raster_is_refused(tmp_path, over_field, values, profile, message):
     from aosplan.errors import RequestError
 
     path = prior_of(tmp_path / "bad.tif", over_field[1], values, **profile)

@@ -234,7 +234,7 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES, ids=range(len(NAMES)))
-def test_names_stay_names(name):
+def test_names_in_missions_are_escaped_in_every_format(name):
     mission = grid()._replace(summary={"scene": {"name": name}, "camera": {"name": "dji-m3t-wide"}})
     for form in formats().values():
         if "\ud800" in name and form.name in {"geojson", "plan"}:

@@ -34,7 +34,7 @@ def names(element):
 
 
 @pytest.mark.parametrize("name", FLYERS)
-def test_a_drone_is_asked_for(name):
+def test_a_missing_drone_is_requested(name):
     with pytest.raises(RequestError, match="needs a drone") as caught:
         render(grid(), formats()[name])
     assert "--drone NAME" in caught.value.hint

@@ -77,7 +77,7 @@ def test_all_or_nothing_hidden_has_no_normalized_error(value):
     assert of_targets(np.full((16, 16), value))[:4] == (0.0, 0.0, None, "integral range")
 
 
-def test_parts_scatter_by_their_number():
+def test_the_standard_error_of_parts_follows_from_their_scatter():
     predictions = [Prediction(p, 1.0 - p, k) for p, k in ((0.4, 0.1), (0.5, 0.3), (0.6, 0.2))]
     errors = of_parts(predictions)
     assert errors.density == pytest.approx(0.1 / math.sqrt(3.0), rel=1e-12)
@@ -151,7 +151,7 @@ def test_a_measured_plan_states_its_errors_and_its_edges(stand):
     assert visibility["noise"] is None
 
 
-def test_noise_is_stated_beside_it(stand):
+def test_position_noise_and_standard_error_are_stated_separately(stand):
     noisy = PlanRequest(altitude=60, scene=stand, baseline=1.5, samples=9, hold_error=0.5)
     visibility = plan(noisy).document()["visibility"]
     assert visibility["noise"]["flights"] == 45

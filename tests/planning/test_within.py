@@ -125,7 +125,7 @@ def test_more_time_shows_more(objective):
     assert shown(0.7) < shown(1.5)
 
 
-def test_batteries_count():
+def test_a_search_within_a_time_takes_batteries_into_account():
     whole = searched(area=FIELD[1], within=12.0)
     split = searched(area=FIELD[1], within=12.0, flight_time=5.0)
     assert len(split.route.flights) >= 2
@@ -133,7 +133,7 @@ def test_batteries_count():
     assert split.detection.probability <= whole.detection.probability + 1e-9
 
 
-def test_what_is_fixed_stays_fixed():
+def test_fixed_quantities_keep_their_values():
     found = searched(within=2.0, grid="line", trigger="stop", heading=30.0, samples=12)
     assert found.grid.name == "line"
     assert found.request.trigger == "stop"

@@ -119,7 +119,7 @@ def test_the_document_matches_its_schema(command, recorded):
     assert 0.99 < document["comparison"]["ssim"] < 1.0
 
 
-def test_a_choice_against_itself_is_alike(command, recorded):
+def test_a_choice_of_views_has_similarity_1_with_itself(command, recorded):
     _, out, _ = command(*recorded, "--pitch", "3", "--compare", "pitch=3", "--json")
     assert json.loads(out)["comparison"]["ssim"] == pytest.approx(1.0)
 
@@ -276,7 +276,7 @@ def test_wrong_requests_are_refused(command, recorded, folder, arguments, part):
     assert sorted(os.listdir(folder)) == before
 
 
-def test_existing_files_stay(command, recorded, folder):
+def test_existing_files_are_not_overwritten(command, recorded, folder):
     (folder / "i.png").write_text("mine")
     assert "exists" in refused(command, *recorded, "--out", "i.png")
     assert (folder / "i.png").read_text() == "mine"

@@ -127,7 +127,7 @@ def test_pixels_are_those_of_the_sensor_whatever_the_orientation_says(command, f
 # Selection of photos
 
 
-def test_twins_are_told_apart(command, folder):
+def test_photos_of_two_bands_need_a_choice_of_band(command, folder):
     fly(folder / "photos", count=4, name="DJI_20250101120000_{:04d}_T.jpg")
     fly(folder / "photos", count=4, name="DJI_20250101120000_{:04d}_V.jpg")
     status, out, err = command("photos", "--out", "x.png")

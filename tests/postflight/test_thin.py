@@ -93,7 +93,7 @@ def test_views_a_spacing_apart_are_found_among_many():
     assert shortfall(correlations(points, triangles(5.0)), chosen) == pytest.approx(1 / 41)
 
 
-def test_all_views_are_all_views():
+def test_choosing_as_many_views_as_exist_returns_all_views():
     points = np.random.default_rng(1).uniform(0, 9, (7, 2))
     assert choose_views(points, 7, triangles(1.0)).tolist() == list(range(7))
 

@@ -340,7 +340,7 @@ def test_a_view_from_far_away_takes_no_more_memory_than_it_should(scrub):
     assert far.shape == (92, 124)
 
 
-def test_no_views_are_no_masks(scrub):
+def test_without_views_there_are_no_masks(scrub):
     for view in ("telecentric", "perspective"):
         occlusion = Occlusion(scrub, 20.0, view=view)
         assert occlusion.masks(np.zeros((0, 2))).shape == (0, occlusion.words)
@@ -410,6 +410,6 @@ def test_what_makes_no_sense_is_refused(altitude, options, message):
 
 
 @pytest.mark.parametrize("positions", [[(0.0, np.nan)], [(np.inf, 0.0)], [1.0, 2.0], [(0, 0, 0)]])
-def test_positions_have_to_be_positions(scrub, positions):
+def test_positions_of_wrong_shape_are_refused(scrub, positions):
     with pytest.raises(ValueError, match="shape"):
         Occlusion(scrub, 20.0).masks(positions)

@@ -245,7 +245,7 @@ def test_class_asked_for_and_missing_is_an_error_with_a_way_out(tmp_path):
     assert "filter" in error.hint
 
 
-def test_a_filter_that_finds_nothing_is_an_error(tmp_path, monkeypatch):
+def test_if_the_filter_finds_no_ground_this_is_an_error(tmp_path, monkeypatch):
     monkeypatch.setattr(lidar, "filtered", lambda low, _: low[:, :0])
     error = refusal(write_cloud(tmp_path / "a.laz", *stand()[:1], 1), ground="filter")
     assert "no ground" in error.message
@@ -254,7 +254,7 @@ def test_a_filter_that_finds_nothing_is_an_error(tmp_path, monkeypatch):
 # --- Warnings ---
 
 
-def test_a_sparse_cloud_is_said(tmp_path):
+def test_a_sparse_cloud_gives_a_warning(tmp_path):
     volume = read_voxels(write_cloud(tmp_path / "a.laz", *stand(count=2000)))
     assert codes(volume) == ["sparse_cloud"]
     assert "8.06 points" in volume.warnings[0][1]
@@ -267,7 +267,7 @@ def test_bare_ground_is_a_volume_without_slices_and_said(tmp_path):
     assert (volume.column_occupancy, codes(volume)) == (0.0, ["sparse_cloud", "no_vegetation"])
 
 
-def test_saturation_is_said(tmp_path):
+def test_saturated_photos_give_a_warning(tmp_path):
     path = write_cloud(tmp_path / "a.laz", *stand(width=19.9, depth=11.9))
     volume = read_voxels(path, voxel_m=4.0)
     assert codes(volume) == ["saturated"]
@@ -304,7 +304,7 @@ def test_other_plots_that_are_no_rectangle_are_said(tmp_path, shape):
     assert said == pytest.approx({"rotated": 0.5, "corner": 0.85}[shape], abs=0.05)
 
 
-def test_a_pond_is_no_hole_in_the_plot(tmp_path):
+def test_a_pond_is_not_treated_as_a_hole_in_the_plot(tmp_path):
     xyz, kind = stand(width=20.0, depth=20.0, count=40_000)
     dry = np.hypot(xyz[0] - 9.0, xyz[1] - 9.0) > 5.0
     assert codes(read_voxels(write_cloud(tmp_path / "a.laz", xyz[:, dry], kind[dry]))) == []

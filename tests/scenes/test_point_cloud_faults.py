@@ -151,7 +151,7 @@ def test_a_bad_request_is_named_before_any_file_is_opened(given, said):
         read_voxels("none.laz", **given)
 
 
-def test_no_files_are_no_cloud():
+def test_an_empty_list_of_files_is_refused():
     with pytest.raises(RequestError, match="no point cloud"):
         read_voxels([])
 

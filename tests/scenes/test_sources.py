@@ -154,7 +154,7 @@ def write_copc(path, xyz, kind):
     return path
 
 
-def test_a_cloud_optimised_for_the_net_is_a_cloud(tmp_path, whole):
+def test_a_copc_file_is_read_as_a_point_cloud(tmp_path, whole):
     path = write_copc(tmp_path / "stand.copc.laz", *stand())
     found = resolved(path)
     assert np.array_equal(found.volume.occupied, whole.occupied)
@@ -162,7 +162,7 @@ def test_a_cloud_optimised_for_the_net_is_a_cloud(tmp_path, whole):
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-def test_a_truncated_one_is_named(tmp_path, share):
+def test_the_error_names_the_truncated_file(tmp_path, share):
     path = write_copc(tmp_path / "stand.copc.laz", *stand())
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
@@ -343,7 +343,7 @@ SCENE = {
         ({"reech": 0.1}, "unknown name 'correlogram.reech'"),
     ],
 )
-def test_a_correlogram_that_is_none_is_named(tmp_path, change, said):
+def test_an_invalid_correlogram_is_named_in_the_error(tmp_path, change, said):
     path = tmp_path / "stand.toml"
     path.write_text(tomli_w.dumps(SCENE))
     assert read_scene_file(str(path)).correlogram() is not None
@@ -380,7 +380,7 @@ def codes(result):
 
 
 @pytest.mark.parametrize("kind", ["npz", "toml"])
-def test_a_plot_too_small_for_the_aperture_is_said(saved, kind):
+def test_a_plot_too_small_for_the_aperture_gives_a_warning(saved, kind):
     # The limit is half of the plot's 12.25 m at the top of the canopy, which is an aperture of 6.1
     # m h / 9 m.
     top = resolved(saved["npz"]).scene.canopy_top_m

@@ -170,7 +170,7 @@ def test_names_are_text_whatever_they_hold(name, form, tmp_path):
             assert name in root.find(f"{SVG}title").text
 
 
-def test_dollars_are_no_mathematics():
+def test_dollar_signs_are_not_read_as_mathematics():
     assert plain("5 $ or 6 $") == r"5 \$ or 6 \$"
 
 

@@ -146,7 +146,7 @@ def test_no_number_of_a_table_is_broken_or_cut(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("columns", ["1", "0", "x", "99999999999"])
-def test_absurd_widths_are_no_traceback(columns):
+def test_absurd_terminal_widths_cause_no_traceback(columns):
     shown = on_a_terminal("plan", "--altitude", "40", COLUMNS=columns)
     assert "rror" not in shown
     assert "b = 2.80 m" in re.sub(r"\s+", " ", ESCAPE.sub("", shown)) or columns == "1"

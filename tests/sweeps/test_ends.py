@@ -110,7 +110,7 @@ def test_a_file_that_came_while_a_sweep_ran_stays(campaign, tmp_path, monkeypatc
     assert sorted(os.listdir(tmp_path)) == [campaign.name, "r.csv"]
 
 
-def test_another_sweep_is_not_resumed(campaign, tmp_path, monkeypatch, capsys):
+def test_the_results_of_another_sweep_are_not_resumed(campaign, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(
         run_module, "solve_part", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
     )

@@ -405,7 +405,7 @@ def test_tables_fit_80_columns(campaign, tmp_path, capsys):
     assert capsys.readouterr().out == ""
 
 
-def test_nothing_met_is_a_summary_too(tmp_path, capsys):
+def test_a_sweep_without_any_plan_has_a_summary(tmp_path, capsys):
     path = tmp_path / "s.toml"
     path.write_text("[sweep]\naltitude = [5, 6]\n")
     found = summary(capsys, path)
@@ -430,7 +430,7 @@ def test_rows_that_are_only_evaluated_are_said_to_be(tmp_path, capsys):
     assert "whatever" not in capsys.readouterr().out
 
 
-def test_no_row_kept_is_a_summary_too(campaign, capsys):
+def test_a_sweep_without_any_kept_row_has_a_summary(campaign, capsys):
     found = summary(capsys, campaign, "--where", "samples < 0")
     assert found["rows"] == 0
     assert found["inputs"][0]["groups"][0]["met_share"] is None
@@ -461,7 +461,7 @@ def test_wrong_options_are_errors(campaign, tmp_path, capsys, monkeypatch, optio
     assert os.listdir() == [campaign.name]
 
 
-def test_means_do_not_drift():
+def test_means_do_not_accumulate_rounding_errors():
     column = summary_module.ResultSummary()
     for value in [1e16, 1.0, -1e16, math.pi]:
         found = exact_sum(np.array([value]))

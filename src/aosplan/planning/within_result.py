@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from aosplan.planning.within_shapes import TimedFlight
 
 PHOTO_INTERVAL_S = 2.0
-"""Assumed time between photos while flying, if neither a drone nor an option gives it.  It is that
-of the DJI Mavic 3T.
+"""Assumed time between photos while flying, if neither a drone nor an option gives it.  It is the
+value of the DJI Mavic 3T.
 """
 
 

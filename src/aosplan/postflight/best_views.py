@@ -3,10 +3,10 @@
 Let c_ik be the correlation of views i and k, and ΣΣ_S the sum over all ordered pairs of views in a
 set S.  A set S of N views has the shortfall 1 - V̂ = K = ΣΣ_S c_ik / N².  Two sets are found by
 greedy algorithms.  The first algorithm starts with all views and repeatedly removes the view that
-shares most with the others.  The second starts with one view and repeatedly adds the view that
-shares least with the chosen views.  Both sets are then improved by exchanging one view for another,
-as long as this reduces K.  The better set is the result; no single exchange improves it.  K is at
-least 1/N, and it equals 1/N for views that share nothing.
+shares most with the remaining views.  The second starts with one view and repeatedly adds the view
+that shares least with the chosen views.  Both sets are then improved by exchanging one view for
+another, as long as this reduces K.  The better set is the result; no single exchange improves it.
+K is at least 1/N, and it equals 1/N for views that share nothing.
 
 If views hide different shares p of the target, the smallest K does not give the largest V.  The
 reason is that views which share least are far apart and look through more of the canopy.  To

@@ -268,8 +268,8 @@ def footprint(touched: NDArray[np.bool_], reach: int) -> float:
     """Share of a plot that its points cover, 0 to 1.
 
     The plot is divided into squares of columns.  A square is covered if it contains a point, or if
-    squares with points enclose it (for example a pond).  A square at the rim is covered in part: in
-    proportion to its number of columns with points, compared with squares in the interior.
+    squares with points enclose it (for example a pond).  The covered share of a square at the rim
+    is its number of columns with points, divided by the number in squares of the interior.
 
     Parameters
     ----------

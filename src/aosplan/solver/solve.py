@@ -257,7 +257,7 @@ def _with_reason(best: Alternative, notes: dict[str, str], problems: Sequence[Pr
 
 
 def _some(texts: Sequence[str]) -> str:
-    """The first four texts, and the number of the others."""
+    """The first four texts, and the number of further texts."""
     more = f" and {len(texts) - 4} more" if len(texts) > 4 else ""
     return ", ".join(texts[:4]) + more
 

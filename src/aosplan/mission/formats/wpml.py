@@ -106,8 +106,8 @@ def render(mission: Mission, dialect: Dialect | None = None) -> bytes:
 
 
 def documents(mission: Mission, dialect: Dialect) -> dict[str, Iterator[str]]:
-    """The two documents by name, each in chunks.  One is for the application; the drone flies the
-    other one.
+    """The two documents by name, each in chunks.  The application reads one file, and the drone
+    flies the other file.
     """
     settings = mission.settings
     speed, path = f"{settings.speed_mps:.4f}", flown_path(mission)

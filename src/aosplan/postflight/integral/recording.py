@@ -49,8 +49,8 @@ class Recording:
         `poses`.
     focal_height_m, slope
         Height of the focal plane along the world's upward axis, and its rise along x and y.  None
-        if the height will be searched for: 0 for photos, whose heights are above the take-off, and
-        otherwise any height below the cameras.
+        if the height will be searched for.  Until then, the height is 0 for photos, because their
+        heights are above the take-off point, and otherwise any height below the cameras.
     up
         Name of the upward axis; None for z or -z, whichever is opposite to the viewing directions.
     camera

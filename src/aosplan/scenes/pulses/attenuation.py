@@ -14,8 +14,8 @@ of I divided by the sum of λ L over its voxels.  This factor is shrunk towards 
 blocks of columns in the same way.  Without it, the contrast between crowns and gaps is too low at all
 distances, and views are less correlated than below real leaves.
 
-The strengths of both shrinkages are those with which each half of the pulses predicts the other half
-best.
+The strengths of both shrinkages are chosen such that each half of the pulses predicts the other
+half as well as possible.
 
 The mean transmission that follows from these λ differs slightly from the measured transmission,
 because leaves are clumped within voxels and λ is uncertain.  A scale factor for all λ corrects this

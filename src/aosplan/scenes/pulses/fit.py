@@ -49,7 +49,9 @@ WIDEST_M = 0.5
 """Largest distance of a first return from the line between the last return and the sensor."""
 
 FOLDS = 4
-"""Number of parts into which the pulses are divided.  Each part is predicted from the others."""
+"""Number of parts into which the pulses are divided.  Each part is predicted from the other
+parts.
+"""
 
 FOLD_SEED = 1
 ENERGIES = ("first", "weighted", "last")
