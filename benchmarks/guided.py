@@ -1,31 +1,51 @@
-"""Positions that are chosen with one half of the pulses of a stand and evaluated with the other
-half.
+"""Guided positions and plain grids of the same time, judged on data that they were not chosen from.
 
-    python benchmarks/guided.py CLOUD.laz [random|lines]
+    python benchmarks/guided.py UAS_Clip.laz
 
-The pulses of a cloud are divided into halves, at random or by flight line.  Each half gives a
-separate stand.  With the first stand, positions above a square of ground are chosen from a lattice
-of 1 m.  They are the positions with the highest mean probability of detection, which follows from
-the share of the square that each position sees.  The choice is greedy and is improved by exchanges.
-The positions are evaluated with the second stand and compared with square grids of the same number
-of photos.  Flight times are for stops of one second, in the order of a short path.  The table is
-written to benchmarks/results/guided_{random,lines}.csv.  It takes half an hour.
+Plans with ``--grid guided`` are made above discs of ground, within two times from take-off to landing
+and with photos 0.7 s apart while flying.  Each is compared with the plain grids that the plan
+compares itself with: lanes and a single line, at stops and while flying, whose rows, columns and
+spacings are chosen with the same half of the pulses.  Judges are
+
+- *half*: the other half of the pulses, as in the plan itself,
+- *line*: for plans with the pulses of a single flight line, the stand by the other flight line,
+- *leaves*: for scans of generated stands, rays that are cast through their leaves.
+
+`offered` says whether the plan offers its positions, or refuses because they are not certainly
+better.  `own` and `least` are the predictions of the plan itself, and those with dense foliage
+wherever no pulse has passed.  *Found* is the share of targets of contrast 2 that the detector of `aosplan simulate` finds
+in a simulated integral image of the judging stand.  The best plain grid is the best by the judge,
+with hindsight, which favours it.  `results/guided.csv` has a row for each plan, and
+`results/guided_summary.csv` the mean differences with standard errors over the discs.
 """
 
 from __future__ import annotations
 
 import csv
-import itertools
 import math
+import os
 import sys
+import tempfile
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from scipy.ndimage import uniform_filter
-from scipy.special import ndtr
+from pyproj import CRS
 
-from aosplan.scenes.files.point_cloud import read_voxels
+os.environ["AOSPLAN_CACHE"] = "0"
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from support.leaf_clouds import write_scan
+
+from aosplan.errors import InfeasibleError
+from aosplan.geodesy import to_wgs84
+from aosplan.grid.patterns import Pattern
+from aosplan.models.place import PlaceModel, PlaceViews
+from aosplan.planning import guided
+from aosplan.planning.loaded_scene import load_scene
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.planning.target_area import target_area_of
 from aosplan.scenes.integral_image import (
     TEXTURE,
     TEXTURE_LENGTH_M,
@@ -35,107 +55,92 @@ from aosplan.scenes.integral_image import (
     planes_of_volume,
 )
 from aosplan.scenes.matched_window import MatchedWindow
-from aosplan.scenes.occlusion import Occlusion, PlotWindow
-from aosplan.scenes.pulses import fit, realise
+from aosplan.scenes.plot_frame import plot_frame
+from aosplan.scenes.pulses import fit
+from aosplan.simulation.leaf_stands import crowned_stand, laser_scan
 
 RESULTS = Path(__file__).parent / "results"
-ALTITUDE_M, REACH_M = 50.0, 10.0
-CONTRAST, CANOPY, KEPT = 2.0, CanopyRadiance(-1.0, 0.2), 0.86
-LEVEL = 4.3
-"""Threshold in standard deviations of the detector's output."""
+ALTITUDE_M = 50.0
+MINUTES = (2.0,)
+CONTRAST, CANOPY, KEPT, LEVEL = 2.0, CanopyRadiance(-1.0, 0.2), 0.86, 4.3
+DISCS = (
+    *((at, 2.0) for at in ((0, 0), (3, 3), (-4, 2), (4, -3), (-3, -4), (0, 4), (0, -4))),
+    *((at, 4.0) for at in ((0, 0), (2, -3))),
+)
+"""Middles east and north of the plot's, and radii [m]."""
 
-SPREAD = 0.5
-"""Standard deviation of the detector's output for one photo that the choice assumes."""
-
-SQUARES = (((0, 0), 4.0), ((3, 3), 4.0), ((-4, 2), 4.0), ((0, 0), 8.0), ((2, -3), 8.0))
-"""Squares of ground that are searched [m]: the middle, east and north of the middle of the plot,
-and the side.
-"""
-
-
-def half_of(path, how, half):
-    """The stand from one half of the pulses.  Its opaque cells are drawn with a separate seed."""
-    every, realised = fit.sound_beams, realise.realised
-
-    def some(*given, **named):
-        beams, grid = every(*given, **named)
-        line = beams.returns.line[beams.pulses.first]
-        if how == "lines":
-            lines, counts = np.unique(line, return_counts=True)
-            return beams.take(line == lines[np.argsort(-counts)[half]]), grid
-        drawn = np.random.default_rng(7).random(len(line)) < 0.5
-        return beams.take(drawn == bool(half)), grid
-
-    def own(*given):
-        return realised(*given, seed=100 + half)
-
-    with (
-        patch.object(fit, "sound_beams", some),
-        patch.object(fit.realise, "realised", own),
-        patch.object(fit, "FEWEST_A_M2", 5),
-    ):
-        return read_voxels(path, opacity="pulses", min_height_m=0.5)
+FEWER = (((0, 0), 2.0), ((3, 3), 2.0), ((-3, 2), 2.0), ((0, -1), 4.0))
+COLUMNS = (
+    "stand", "judge", "disc", "minutes", "offered", "photos", "time_s", "own_guided", "own_plain",
+    "least_guided", "least_plain", "guided", "plain", "plain_kind", "found_guided", "found_plain", "by_leaves_guided", "by_leaves_plain",
+)  # fmt: skip
 
 
-def seen_by(volume, positions, middle, side_m):
-    """For each position, the share of each patch of 0.9 m that it sees, shape (positions,
-    patches).
-    """
-    _, rows, columns = volume.occupied.shape
-    count = round(side_m / volume.voxel_m)
-    row, column = (
-        (cells - count) // 2 + round(at / volume.voxel_m)
-        for cells, at in ((rows, middle[1]), (columns, middle[0]))
-    )
-    window = PlotWindow(row, column, count, count)
-    how = {"view": "perspective", "targets_per_voxel": 1, "window": window}
-    occlusion = Occlusion(volume, ALTITUDE_M, **how)
-    size = round(0.9 / volume.voxel_m)
-    found = []
-    for part in np.array_split(positions, math.ceil(len(positions) / 20)):
-        for hidden in occlusion.unpack(occlusion.masks(part)):
-            mean = uniform_filter(1.0 - hidden.astype(np.float32), size, mode="nearest")
-            found.append(mean[size // 2 :: size, size // 2 :: size].ravel())
-    return np.array(found)
+def planned(loaded, at, radius_m, minutes):
+    """A guided plan, and whether it is offered."""
+    offered, refuses = [], guided._check_better  # noqa: SLF001
+
+    def check(result, expected):
+        try:
+            refuses(result, expected)
+        except InfeasibleError:
+            offered.append(False)
+        else:
+            offered.append(True)
+
+    with patch.object(guided, "_check_better", check):
+        origin = away(loaded.volume.place, at)
+        request = PlanRequest(
+            altitude=ALTITUDE_M,
+            scene="stand.laz",
+            origin=origin,
+            around_radius=radius_m,
+            grid="guided",
+            within=minutes,
+            photo_interval=0.7,
+        )
+        return plan(request, loaded=loaded), offered[0]
 
 
-def guided(shares, positions, count, apart_m=1.5):
-    """Positions with the highest mean probability of detection over patches."""
-    spread = SPREAD / math.sqrt(count)
+def away(place, at):
+    """Latitude and longitude of a point east and north of a place."""
+    (latitude,), (longitude,) = to_wgs84(place, [float(at[0])], [float(at[1])])
+    return latitude, longitude
 
-    def value(total):
-        return ndtr((KEPT * CONTRAST * total - LEVEL * spread) / spread).mean(axis=-1)
 
-    near = np.linalg.norm(positions[:, None] - positions, axis=2) < apart_m - 1e-9
-    chosen: list[int] = []
-    for number in range(1, count + 1):
-        values = value((shares[chosen].sum(axis=0) + shares) / number)
-        if not chosen:
-            values = shares.mean(axis=1)
-        values[near[chosen].any(axis=0)] = -1.0
-        chosen.append(int(np.argmax(values)))
-    best = value(shares[chosen].mean(axis=0))
-    for _, place in itertools.product(range(3), range(count)):
-        rest = chosen[:place] + chosen[place + 1 :]
-        values = value((shares[rest].sum(axis=0) + shares) / count)
-        values[near[rest].any(axis=0)] = -1.0
-        if values.max() > best + 1e-6:
-            best, chosen[place] = values.max(), int(np.argmax(values))
-    return positions[chosen]
+def model_of(volume, made):
+    """Predictions by another volume for the target area of a plan."""
+    area = target_area_of(made.inputs)
+    frame = plot_frame(volume, area.origin)
+    return PlaceModel(PlaceViews(volume, ALTITUDE_M, area.on(frame)), frame)
+
+
+def sites_of(made):
+    """Sites of a plan and of its plain grids, metres east and north of the origin, by name."""
+    east, north = made.layout.sites.east_m, made.layout.sites.north_m
+    found = {"guided": np.column_stack([east, north])}
+    for each in made.guided.plain:
+        along_m, across_m = each.pitch_m
+        offsets = np.array(list(Pattern(each.rows, each.columns, across_m / along_m).offsets()))
+        # Rows are along the heading, north; like the plan's, they are on whole metres.
+        sites = offsets[:, ::-1] * along_m
+        found[f"{each.kind}, {each.trigger}"] = sites + 0.5 * (np.round(2 * sites[0]) % 2)
+    return found
 
 
 class Judge:
-    """Probability of detection in a square of one stand."""
+    """Share of targets found in a disc of one stand, from a simulated integral image."""
 
-    def __init__(self, volume, middle, side_m):
-        self.middle, self.size_m = np.array(middle), side_m + 8.0
-        planes = planes_of_volume(np.random.default_rng(1), volume, CANOPY)
-        self.planes = [
-            plane._replace(origin_m=tuple(np.array(plane.origin_m) - middle)) for plane in planes
+    def __init__(self, volume):
+        self.planes = planes_of_volume(np.random.default_rng(1), volume, CANOPY)
+
+    def __call__(self, sites, middle, radius_m):
+        planes = [
+            plane._replace(origin_m=tuple(np.array(plane.origin_m) - middle))
+            for plane in self.planes
         ]
-
-    def __call__(self, sites):
-        found = integrate_planes(self.planes, sites - self.middle, ALTITUDE_M, (self.size_m,) * 2)
+        size_m = 2.0 * radius_m + 8.0
+        found = integrate_planes(planes, sites, ALTITUDE_M, (size_m,) * 2)
         window = MatchedWindow((0.5, 1.7), found.seen.shape, found.pitch_m)
         rng = np.random.default_rng(51)
         ground = gaussian_field(rng, found.seen.shape, found.pitch_m[0], TEXTURE_LENGTH_M) * TEXTURE
@@ -145,69 +150,144 @@ class Judge:
         inner = np.s_[:, edge:-edge, edge:-edge]
         level = LEVEL * (np.array(window.means(plain)) - around)[inner].std()
         share = np.clip(np.array(window.means(found.seen))[inner], 0.0, 1.0)
-        part = 0.85 / window.box_m**2
-        covered = part * np.array(window.means(found.seen * ground))
+        covered = 0.85 / window.box_m**2 * np.array(window.means(found.seen * ground))
         base = (np.array(window.means(found.canopy)) - around + covered)[inner]
-        return float((base + KEPT * CONTRAST * share > level).mean()), float(share.mean())
+        return float((base + KEPT * CONTRAST * share > level).mean())
 
 
-def path_s(sites, hold_s=1.0, speed=5.0, acceleration=2.0):
-    """Time of a path with stops at all sites.
-
-    The path always goes to the nearest remaining site.  It is then improved by reversals.
-    """
-    apart = np.linalg.norm(sites[:, None] - sites, axis=2)
-    short = 2.0 * np.sqrt(apart / acceleration)
-    leg = np.where(apart < speed**2 / acceleration, short, apart / speed + speed / acceleration)
-    times = []
-    for start in range(0, len(sites), max(len(sites) // 4, 1)):
-        order, left = [start], set(range(len(sites))) - {start}
-        while left:
-            order.append(min(left, key=lambda site: leg[order[-1], site]))
-            left.remove(order[-1])
-        better = True
-        while better:
-            better = False
-            for i, j in itertools.combinations(range(len(order)), 2):
-                other = order[:i] + order[i : j + 1][::-1] + order[j + 1 :]
-                if leg[other[:-1], other[1:]].sum() < leg[order[:-1], order[1:]].sum() - 1e-9:
-                    order, better = other, True
-        times.append(leg[order[:-1], order[1:]].sum() + hold_s * len(order))
-    return float(min(times))
+def by_leaves(stand, at, radius_m, sites, pitch_m=0.1):
+    """V of a disc below known leaves, by casting rays through them."""
+    line = np.arange(-radius_m, radius_m + 1e-9, pitch_m)
+    offsets = np.stack(np.meshgrid(line, line)).reshape(2, -1)
+    offsets = offsets[:, np.hypot(*offsets) <= radius_m]
+    middle = np.array(at, dtype=float)[:, np.newaxis]
+    hidden = np.zeros(offsets.shape[1])
+    for site in sites:
+        slope = (site[:, np.newaxis] - offsets) / ALTITUDE_M
+        hidden += stand.first_hits(offsets + middle + 0.5 * stand.size_m, slope) > 0.0
+    return 1.0 - float(((hidden / len(sites)) ** 2).mean())
 
 
-def rows_of(path, how):
-    """Rows of the table."""
-    first, second = (half_of(path, how, half) for half in (0, 1))
-    axis = np.arange(-REACH_M, REACH_M + 0.1)
-    lattice = np.array(list(itertools.product(axis, axis)))
-    for middle, side_m in SQUARES:
-        shares = seen_by(first, lattice, middle, side_m + 1.0)
-        judges = [Judge(volume, middle, side_m) for volume in (first, second)]
-        for side in (3, 4, 5):
-            line = np.arange(side) - 0.5 * (side - 1)
-            unit = np.array(list(itertools.product(line, line)))
-            ways = {f"grid, {b:g} m": unit * b + middle for b in (2.0, 3.5, 5.0)}
-            ways["guided"] = guided(shares, lattice, side * side)
-            for name, sites in ways.items():
-                (chosen, _), (judged, seen) = (judge(sites) for judge in judges)
-                where = f"{side_m:g} m around {middle[0]}, {middle[1]}"
-                yield where, side * side, name, path_s(sites), chosen, judged, seen
+def rows_of(name, judge, loaded, judging, discs, leaves=None):
+    """Rows for one stand; `judging` is a volume, or None for the second half of the pulses."""
+    volume = judging or loaded.volume.of_voxels(loaded.volume.halves[1].measured)
+    detector = Judge(volume)
+    for at, radius_m in discs:
+        for minutes in MINUTES:
+            made, offered = planned(loaded, at, radius_m, minutes)
+            model, sites = model_of(volume, made), sites_of(made)
+            values = {kind: model.predict_positions(each).expected for kind, each in sites.items()}
+            own = values.pop("guided")
+            kind = max(values, key=values.get)
+            middle = plot_frame(volume, made.layout.origin).onto_plot(np.zeros((1, 2)))[0]
+            found = [detector(sites[each], middle, radius_m) for each in ("guided", kind)]
+            true = ["", ""]
+            if leaves is not None:
+                by_kind = {k: by_leaves(leaves, at, radius_m, each) for k, each in sites.items()}
+                true = [by_kind.pop("guided"), max(by_kind.values())]
+            yield (
+                name, judge, f"{radius_m:g} m at {at[0]}, {at[1]}", minutes, int(offered),
+                made.solution.pattern.samples, made.route.total_time_s,
+                made.solution.prediction.expected, made.guided.plain[0].prediction.expected,
+                made.guided.least_expected, made.guided.plain[0].least_expected, own, values[kind], kind, *found, *true,
+            )  # fmt: skip
+
+
+def loaded_with(path, line=None):
+    """The scene of a cloud with halves, with all pulses or those of one flight line."""
+    every = fit.sound_beams
+
+    def some(*given, **named):
+        beams, grid = every(*given, **named)
+        if line is None:
+            return beams, grid
+        of = beams.returns.line[beams.pulses.first]
+        numbers, counts = np.unique(of, return_counts=True)
+        return beams.take(of == numbers[np.argsort(-counts)[line]]), grid
+
+    with patch.object(fit, "sound_beams", some):
+        request = PlanRequest(
+            altitude=ALTITUDE_M, scene=str(path), origin=(0.0, 0.0), grid="guided",
+            opacity="pulses", min_height=0.5,
+        )  # fmt: skip
+        return load_scene(request)
+
+
+def cases(paths):
+    """Arguments of `rows_of`."""
+    for path in paths:
+        name = Path(path).stem
+        yield name, "half", loaded_with(path), None, DISCS
+        lines = [loaded_with(path, line) for line in (0, 1)]
+        for one, other in (lines, lines[::-1]):
+            yield f"{name}, one line", "line", one, other.volume, DISCS
+    for seed, leaf_area_index in ((1, 1.5), (2, 2.5), (3, 3.5)):
+        rng = np.random.default_rng(seed)
+        stand = crowned_stand(
+            rng, 20.0, leaf_area_index=leaf_area_index, crowns=32, base_m=4.0, top_m=16.0
+        )
+        scan = laser_scan(rng, stand, pulses_a_m2=200.0)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "leaves.las"
+            write_scan(path, scan, crs=CRS.from_epsg(32633), corner=(500_000.0, 5_200_000.0))
+            loaded = loaded_with(path)
+        yield f"leaves {seed}, LAI {leaf_area_index:g}", "half", loaded, None, FEWER, stand
+
+
+def summary(rows):
+    """Mean differences between guided positions and the best plain grid."""
+    groups = {}
+    for row in rows:
+        named = dict(zip(COLUMNS, row, strict=True))
+        for offered in ("all", "offered") if named["offered"] else ("all",):
+            groups.setdefault((named["stand"], named["judge"], offered), []).append(named)
+    for key, found in groups.items():
+        gains = np.array([each["guided"] - each["plain"] for each in found])
+        discs = sorted({each["disc"] for each in found})
+        means = np.array(
+            [
+                np.mean([g for g, each in zip(gains, found, strict=True) if each["disc"] == d])
+                for d in discs
+            ]
+        )
+        error = means.std(ddof=1) / math.sqrt(len(means)) if len(means) > 1 else math.nan
+        detected = np.mean([each["found_guided"] - each["found_plain"] for each in found])
+        true = [each["by_leaves_guided"] for each in found]
+        gain_by_leaves = (
+            np.mean([each["by_leaves_guided"] - each["by_leaves_plain"] for each in found])
+            if "" not in true
+            else ""
+        )
+        yield (
+            *key, len(gains), int((gains > 0.0).sum()), gains.mean(), error, gains.min(), detected,
+            gain_by_leaves,
+        )  # fmt: skip
 
 
 def main():
-    """Write the table."""
-    path, how = sys.argv[1], (*sys.argv[2:], "random")[0]
-    with (RESULTS / f"guided_{how}.csv").open("w", newline="", encoding="utf-8") as file:
+    """Write the tables."""
+
+    def shown(row):
+        return [f"{value:.4g}" if isinstance(value, float) else value for value in row]
+
+    rows = []
+    with (RESULTS / "guided.csv").open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(COLUMNS)
+        for case in cases(sys.argv[1:]):
+            for row in rows_of(*case):
+                rows.append(row)
+                table.writerow(shown(row))
+                file.flush()
+                print(*shown(row), sep=", ", flush=True)
+    with (RESULTS / "guided_summary.csv").open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(
-            ["ground", "photos", "positions", "time_s", "on_first", "on_second", "seen_on_second"]
-        )
-        for row in rows_of(path, how):
-            shown = [f"{value:.3g}" if isinstance(value, float) else value for value in row]
-            table.writerow(shown)
-            file.flush()
-            print(*shown, sep=", ", flush=True)
+            ["stand", "judge", "plans", "number", "better", "mean_gain", "standard_error",
+             "least_gain", "mean_gain_found", "mean_gain_by_leaves"]
+        )  # fmt: skip
+        for row in summary(rows):
+            table.writerow(shown(row))
 
 
 if __name__ == "__main__":

@@ -66,14 +66,28 @@ class GroundScale(NamedTuple):
     """Length on the ground [m] of one unit of x and of one unit of y at a place, and the
     coordinates of this place.
 
-    `skew_deg` is the deviation of the angle between the two axes from a right angle on the ground.
+    `skew_deg` is the deviation of the angle between the two axes from a right angle on the ground,
+    and `turn_deg` the direction of the y axis, clockwise from true north.  Latitude and longitude
+    are those of the system's own datum.
     """
 
     x_m: float
     y_m: float
     skew_deg: float
+    turn_deg: float
     latitude: float
     longitude: float
+
+
+class Location(NamedTuple):
+    """WGS 84 latitude and longitude of a point, and the direction of the y axis there.
+
+    `turn_deg` is clockwise from true north, between -180 and 180.
+    """
+
+    latitude: float
+    longitude: float
+    turn_deg: float
 
 
 def unit_m(name: str) -> float | None:
@@ -306,9 +320,26 @@ def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
         lengths[0] / (2.0 * step),
         lengths[1] / (2.0 * step),
         abs(turn - 90.0),
+        float(azimuths[1]),
         float(latitudes[0]),
         float(longitudes[0]),
     )
+
+
+def location_of(crs: CRS, x: float, y: float) -> Location | None:
+    """Location of a point in a coordinate reference system; None if the system has none."""
+    from pyproj.exceptions import ProjError
+
+    scale = ground_scale(crs, x, y)
+    if scale is None:
+        return None
+    try:
+        longitude, latitude = transformer(horizontal(crs), "EPSG:4326").transform(x, y)
+    except ProjError:
+        return None
+    if not math.isfinite(latitude + longitude):
+        return None
+    return Location(float(latitude), float(longitude), scale.turn_deg)
 
 
 def true_lengths(scale: GroundScale | None, across_m: float, what: str) -> tuple[float, float]:

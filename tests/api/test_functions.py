@@ -163,6 +163,12 @@ def test_flights_are_reviewed_and_thinned_as_by_the_commands(placed, tmp_path, d
     found = aosplan.review(flown, placed)
     assert found.document() == document("review", flown, plan)
     assert found.missing == [7, 8, 9]
+    # The time of the top-up, as of the command; the plan keeps its own.
+    minutes = found.topup.route.total_time_s / 60.0 - 0.01
+    shorter = aosplan.review(flown, placed, within=minutes)
+    assert shorter.document() == document("review", flown, plan, "--within", minutes)
+    assert 0 < len(shorter.topup.waypoints) < len(found.topup.waypoints)
+    assert shorter.missing == found.missing
     assert len(found.columns()["off_m"]) == 7
     thinned = aosplan.thin(flown, 4, plan)
     assert thinned.document() == document("thin", flown, plan, "--samples", 4)

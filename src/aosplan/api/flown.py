@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
@@ -110,17 +111,20 @@ def review(
         Function that is called with the number of points read and the total, while a point cloud
         is read.
     **options
-        Options as for `aosplan.plan`; they override those of `plan`.
+        Options as for `aosplan.plan`; they override those of `plan`.  `within` is the longest time
+        of the top-up from take-off to landing, in minutes, as for the command; the plan keeps its
+        own.
 
     Raises
     ------
     RequestError
-        In the same cases as `aosplan.plan`, or if the positions cannot be read or are far from the
-        plan.
+        In the same cases as `aosplan.plan`, if the positions cannot be read or are far from the
+        plan, or if no missing photo can be taken within the time.
     """
     from aosplan.postflight.views import read_views
     from aosplan.units import positive
 
+    within = options.pop("within", None)
     found = found_request(plan, options)
     views = read_views(os.fspath(positions), on_earth=found.request.has_place)
     reviewed = reviews.review(
@@ -129,6 +133,7 @@ def review(
         tolerance_m=None if tolerance_m is None else positive(tolerance_m, "tolerance_m", "m"),
         folder=found.folder,
         progress=progress,
+        longest_s=math.inf if within is None else 60.0 * positive(within, "within", "min"),
     )
     return Review(*(getattr(reviewed, field.name) for field in fields(reviewed)))
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from aosplan.api.request import Asked, FoundRequest
     from aosplan.api.request_options import RequestOptions
+    from aosplan.maps.reciprocal_map import ReciprocalMap
     from aosplan.solver.tradeoff import TradeoffRow
 
 
@@ -113,6 +114,27 @@ class Plan(Summarized, result.Plan):
         kinds = [name for name, each in KINDS.items() if each.source == "plan"]
         chosen = KINDS[one_of(kinds)(kind, "kind")]
         return plotted(chosen, shown_of_plan(chosen, self), ax)
+
+    def reciprocal_map(self) -> ReciprocalMap:
+        """How much of the target area each camera position at the altitude of the plan sees.
+
+        The target area is the area of the plan, or the disc around its origin whose radius is
+        `around_radius`.
+
+        Returns
+        -------
+        map
+            Its `transparency` has the share of the area that each position sees, `cells` the
+            positions, and `geotiff()` the content of a GeoTIFF.
+
+        Raises
+        ------
+        RequestError
+            If the plan or its scene has no location, or the scene does not cover the area.
+        """
+        from aosplan.maps.reciprocal_map import reciprocal_map
+
+        return reciprocal_map(self)
 
 
 def plan(

@@ -31,7 +31,11 @@ from aosplan.planning.planner import plan
 from aosplan.planning.user_defaults import request_of
 
 if TYPE_CHECKING:
+    from aosplan.maps.detection_map import DetectionMap, SearchSuccess
+    from aosplan.maps.reciprocal_map import ReciprocalMap
+    from aosplan.mission.format import Format
     from aosplan.planning.request import PlanRequest
+    from aosplan.planning.result import Plan
 
 
 def run(
@@ -46,6 +50,7 @@ def run(
     no_report_picture: bool,
     report_seed: str | None,
     detection_map: str | None,
+    reciprocal_map: str | None,
     poa: str | None,
     defaults: str | None,
     **flags: Any,
@@ -60,50 +65,85 @@ def run(
     if report is not None:
         _check_report(report, [path for _, path in chosen], seed=seed, force=force)
     paths = [path for _, path in chosen]
-    _check_map(detection_map, poa, [*paths, *([] if report is None else [report])], force=force)
-    to_stdout = writes_stdout([*paths, report, detection_map], as_json=as_json)
+    others = [*paths, *([] if report is None else [report])]
+    if poa is not None:
+        _check_prior(poa, detection_map)
+    _check_map("detection map", detection_map, others, force=force)
+    maps = [] if detection_map is None else [detection_map]
+    _check_map("reciprocal map", reciprocal_map, [*others, *maps], force=force)
+    to_stdout = writes_stdout([*paths, report, detection_map, reciprocal_map], as_json=as_json)
     if not wanted.has_place:
-        if detection_map is not None:
-            raise RequestError(
-                "--detection-map needs a location", "give --origin LAT,LON or --area FILE"
-            )
-        for form, path in chosen:
-            if form.needs_place:
-                raise RequestError(
-                    f"output '{path}': {form.title} needs a location",
-                    "give --origin LAT,LON or --area FILE, or write CSV",
-                )
+        _refuse_without_place(chosen, detection_map, reciprocal_map)
     with progress_bar(quiet=quiet) as bar:
         folder = os.path.dirname(request or "")
         result = plan(wanted, folder=folder, progress=bar, on_trial=bar.on_trial)
     print_warnings(result.warnings, quiet=quiet)
     pages, found, success = {}, None, None
     if detection_map is not None:
-        from aosplan.maps.detection_map import detection_map as map_of
-
-        with waiting_bar("predicting detection by place", quiet=quiet):
-            found = map_of(result)
-        print_warnings(found.messages(), quiet=quiet)
-        if poa is not None:
-            from aosplan.maps.prior import success_of
-
-            success = success_of(found, poa)
+        found, success = _detection(result, poa, quiet=quiet)
         pages[detection_map] = found.geotiff()
+    positions = None
+    if reciprocal_map is not None:
+        positions = _positions(result, quiet=quiet)
+        pages[reciprocal_map] = positions.geotiff()
     if report is not None:
         from aosplan.show.page.page import report_page
 
         with waiting_bar("drawing the report", quiet=quiet):
-            pages[report] = report_page(result, seed=seed, detection_map=found, success=success)
+            pages[report] = report_page(
+                result, seed=seed, detection_map=found, success=success, reciprocal_map=positions
+            )
     written = write_outputs(result.missions, chosen, pages, force=force, quiet=quiet)
     if as_json:
         document = result.document()
         if found is not None:
             document["detection"]["map"] = found.document(success)
+        if positions is not None:
+            document["reciprocal_map"] = positions.document()
         print_json(document)
     elif not (quiet or to_stdout):
         from aosplan.show.text.tables import print_plan
 
-        print_plan(result, written, found, success)
+        print_plan(result, written, found, success, positions)
+
+
+def _detection(
+    result: Plan, poa: str | None, *, quiet: bool
+) -> tuple[DetectionMap, SearchSuccess | None]:
+    """The probability of detection of a plan by place, and that of success with a prior."""
+    from aosplan.maps.detection_map import detection_map
+
+    with waiting_bar("predicting detection by place", quiet=quiet):
+        found = detection_map(result)
+    print_warnings(found.messages(), quiet=quiet)
+    if poa is None:
+        return found, None
+    from aosplan.maps.prior import success_of
+
+    return found, success_of(found, poa)
+
+
+def _positions(result: Plan, *, quiet: bool) -> ReciprocalMap:
+    """How much of the target area of a plan each camera position sees."""
+    from aosplan.maps.reciprocal_map import reciprocal_map
+
+    with waiting_bar("computing what each position sees", quiet=quiet):
+        return reciprocal_map(result)
+
+
+def _refuse_without_place(
+    chosen: list[tuple[Format, str]], detection_map: str | None, reciprocal_map: str | None
+) -> None:
+    """Refuse outputs that need a location."""
+    for flag, path in (("--detection-map", detection_map), ("--reciprocal-map", reciprocal_map)):
+        if path is not None:
+            raise RequestError(f"{flag} needs a location", "give --origin LAT,LON or --area FILE")
+    for form, path in chosen:
+        if form.needs_place:
+            raise RequestError(
+                f"output '{path}': {form.title} needs a location",
+                "give --origin LAT,LON or --area FILE, or write CSV",
+            )
 
 
 def _looking(request: str | None, flags: dict[str, Any], defaults: str | None) -> PlanRequest:
@@ -121,30 +161,35 @@ def _looking(request: str | None, flags: dict[str, Any], defaults: str | None) -
     return request_of(request, flags, defaults=defaults)
 
 
-def _check_map(path: str | None, poa: str | None, others: list[str], *, force: bool) -> None:
-    """Refuse a detection map that cannot be written, before any work is done."""
+def _check_prior(poa: str, detection_map: str | None) -> None:
+    """Refuse a prior without a map, or one that cannot be read."""
+    from aosplan.files import check_input
+
+    if detection_map is None:
+        raise RequestError(
+            "--poa is given without --detection-map", "give --detection-map POD.tif too"
+        )
+    check_input(poa)
+
+
+def _check_map(what: str, path: str | None, others: list[str], *, force: bool) -> None:
+    """Refuse a map that cannot be written, before any work is done."""
     if path is None:
-        if poa is not None:
-            raise RequestError(
-                "--poa is given without --detection-map", "give --detection-map POD.tif too"
-            )
         return
     from importlib.util import find_spec
 
     from aosplan.errors import MissingExtraError
-    from aosplan.files import check_input, check_output
+    from aosplan.files import check_output
 
-    if poa is not None:
-        check_input(poa)
     if path != "-" and not path.lower().endswith((".tif", ".tiff")):
         raise RequestError(
-            f"detection map '{path}' does not end in .tif", "write a GeoTIFF, such as pod.tif"
+            f"{what} '{path}' does not end in .tif", "write a GeoTIFF, such as pod.tif"
         )
     check_output(path, force=force)
     if os.path.realpath(path) in map(os.path.realpath, others):
         raise RequestError(f"output '{path}' is given twice")
     if find_spec("rasterio") is None:
-        raise MissingExtraError("a detection map", "raster")
+        raise MissingExtraError(f"a {what}", "raster")
 
 
 def _report_seed(report: str | None, seed: str | None, *, picture: bool) -> int | None:
@@ -207,6 +252,12 @@ COMMAND = command(
             "--detection-map",
             "POD.tif",
             "Write a map of the probability of detection (GeoTIFF).",
+            "Output",
+        ),
+        text_option(
+            "--reciprocal-map",
+            "SEEN.tif",
+            "Write a map of how much of the target area each camera position sees.",
             "Output",
         ),
         text_option(

@@ -1,9 +1,10 @@
 """Patterns of sites.  The unit of length is the baseline.
 
-A pattern is a rectangle of rows and columns, from which a few sites may be removed, or a spiral
-(`aosplan.grid.spiral`).  The columns follow each other along the heading (x), and the rows across
-the heading (y).  The distance between neighbouring columns is 1 baseline.  The distance between
-neighbouring rows is `row_pitch` baselines.
+A pattern is a rectangle of rows and columns, from which a few sites may be removed, a spiral
+(`aosplan.grid.spiral`), or sites at chosen places of a lattice.  The columns of a rectangle follow
+each other along the heading (x), and the rows across the heading (y).  The distance between
+neighbouring columns is 1 baseline.  The distance between neighbouring rows is `row_pitch`
+baselines.
 
 A *frame* is a rectangle together with the range of sample counts for which a kind of grid uses it.
 Frames are ordered by increasing number of samples.  A solver therefore tests frames instead of
@@ -119,7 +120,57 @@ class Pattern(NamedTuple):
         return counts
 
 
-AnyPattern = Pattern | Spiral
+class Scattered(NamedTuple):
+    """Sites as (x, y) in baselines from the origin of a plan, in flight order; at least one."""
+
+    places: tuple[tuple[float, float], ...]
+
+    @property
+    def samples(self) -> int:
+        """Number N of sites."""
+        return len(self.places)
+
+    @property
+    def rows(self) -> int:
+        """1, because the sites are flown as a single sequence."""
+        return 1
+
+    @property
+    def columns(self) -> int:
+        """The number of sites of that sequence."""
+        return self.samples
+
+    @property
+    def pitch(self) -> tuple[float, float]:
+        """Pitch of the lattice along x and y, in baselines."""
+        return 1.0, 1.0
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Size of the rectangle around the sites, along x and y, in baselines."""
+        x, y = zip(*self.places, strict=True)
+        return max(x) - min(x), max(y) - min(y)
+
+    @property
+    def longer_side(self) -> float:
+        """The larger of the two extents, in baselines."""
+        return max(self.extent)
+
+    @property
+    def nearest(self) -> float:
+        """Least distance between two sites of the lattice, in baselines."""
+        return 1.0
+
+    def offsets(self) -> Iterator[tuple[float, float]]:
+        """The sites as (x, y) from the origin, in baselines and in flight order."""
+        yield from self.places
+
+    def steps(self) -> Counter[tuple[float, float]]:
+        """Steps along x and y from site to site, in baselines, and how often each occurs."""
+        return Counter((to_x - x, to_y - y) for (x, y), (to_x, to_y) in pairwise(self.places))
+
+
+AnyPattern = Pattern | Spiral | Scattered
 """A pattern of any kind."""
 
 

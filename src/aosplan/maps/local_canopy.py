@@ -3,8 +3,7 @@
 A place is seen through the canopy around it.  If photos with a footprint of width F are taken from
 the altitude h, the rays to a place cross the height H within a square of side F H/h.  The share of
 the ground that is hidden from vertically above is therefore averaged over this square.  For H, the
-mean height at which rays end is used.  Rows and columns of the stand are assumed to be along east
-and north.
+mean height at which rays end is used.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from aosplan.geodesy import to_local
+from aosplan.scenes.plot_frame import plot_frame
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -84,8 +83,6 @@ def local_canopy(
     """
     from scipy.ndimage import uniform_filter
 
-    assert volume.place is not None
-    (east,), (north,) = to_local(origin, [volume.place[0]], [volume.place[1]])
     lowest = int(focal_height_m / volume.slice_height_m)
     above = volume.occupied[lowest:]
     hidden = above.any(axis=0)
@@ -96,8 +93,11 @@ def local_canopy(
     size = max(round(window_m / volume.voxel_m), 1)
     around = uniform_filter(hidden.astype(np.float64), size, mode="nearest")
     width_m, depth_m = volume.size_m
-    column = np.floor((places_m[:, 0] - east + 0.5 * width_m) / volume.voxel_m).astype(np.int64)
-    row = np.floor((places_m[:, 1] - north + 0.5 * depth_m) / volume.voxel_m).astype(np.int64)
+    on_plot = plot_frame(volume, origin).onto_plot(places_m)
+    column, row = (
+        np.floor((on_plot[:, axis] + 0.5 * length) / volume.voxel_m).astype(np.int64)
+        for axis, length in enumerate((width_m, depth_m))
+    )
     rows, columns = hidden.shape
     known = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     share = np.full(len(places_m), np.nan)

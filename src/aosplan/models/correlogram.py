@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from aosplan.grid.pair_offsets import offset_counts
+from aosplan.grid.patterns import Scattered, local_sites
 from aosplan.grid.spiral import Spiral
 from aosplan.models.memo import remembered
 from aosplan.models.model import Prediction
@@ -116,6 +117,10 @@ class CorrelogramModel:
         """
         if isinstance(pattern, Spiral):
             return self._predict_spiral(pattern, baseline_m)
+        if isinstance(pattern, Scattered):
+            return self.predict_positions(
+                np.column_stack(local_sites(pattern, baseline_m, self.heading_deg))
+            )
         # The offset between rows is to the right of the heading, and the offset between columns is
         # along it. They correspond to east and north for the heading 0.
         pitch_m = baseline_m * pattern.row_pitch, baseline_m

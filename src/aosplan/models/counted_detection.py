@@ -21,7 +21,8 @@ The standard error is computed from the four quarters of the plot.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,10 +40,13 @@ from aosplan.scenes.integral_image import (
 from aosplan.scenes.matched_window import MatchedWindow, peaks
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from aosplan.models.signatures import Signature
     from aosplan.models.target_window import Target
+    from aosplan.scenes.integral_image import OccluderPlane
     from aosplan.scenes.voxels import VoxelVolume
 
     Floats = NDArray[np.float64]
@@ -52,6 +56,9 @@ PEAKS = 30
 
 SEED = 1
 """Random seed of the radiances.  It is the same for every plan."""
+
+MOST_KEPT = 1 << 25
+"""Largest number of voxels of a stand whose planes are kept; they need five bytes each."""
 
 
 def count_detection(
@@ -82,7 +89,9 @@ def count_detection(
     """
     contrast, *canopy = upright(signature)
     rng = np.random.default_rng(SEED)
-    planes = planes_of_volume(rng, volume, CanopyRadiance(*canopy), focal_height_m)
+    kept = volume.occupied.size <= MOST_KEPT
+    made = (_kept_planes if kept else _planes)(volume, CanopyRadiance(*canopy), focal_height_m)
+    planes, rng.bit_generator.state = made
     integral = integrate_planes(planes, sites_m, altitude_m, volume.size_m, parallel=True)
     shape = integral.seen.shape[0], integral.seen.shape[1]
     ground = TEXTURE * gaussian_field(rng, shape, integral.pitch_m[0], TEXTURE_LENGTH_M)
@@ -116,6 +125,19 @@ def count_detection(
         curve,
         _error_of_quarters((wanted <= contrast).mean(axis=0)),
     )
+
+
+def _planes(
+    volume: VoxelVolume, canopy: CanopyRadiance, focal_height_m: float
+) -> tuple[list[OccluderPlane], Mapping[str, Any]]:
+    """The planes of a stand, and the state of the random generator after them."""
+    rng = np.random.default_rng(SEED)
+    planes = planes_of_volume(rng, volume, canopy, focal_height_m)
+    return planes, rng.bit_generator.state
+
+
+_kept_planes = lru_cache(maxsize=1)(_planes)
+"""The same, kept for the next plan over the stand: a search counts several."""
 
 
 def tail_level(heights: Floats, number: float) -> float:

@@ -27,7 +27,6 @@ import numpy as np
 
 from aosplan.grid.pair_offsets import quadrant_counts
 from aosplan.grid.patterns import AnyPattern, Pattern
-from aosplan.grid.spiral import Spiral
 from aosplan.models.layered_pairs import RayPairs, Slices
 from aosplan.models.memo import remembered
 from aosplan.models.model import Prediction
@@ -146,7 +145,7 @@ class LayeredModel:
     def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
         reach = self.independent_baseline_m
-        if isinstance(pattern, Spiral):
+        if not isinstance(pattern, Pattern):
             apart = baseline_m * pattern.nearest >= reach * (1.0 - 1e-15)
             if apart and self.rays == "nadir":
                 return Prediction(self.density, self.transparency, 1.0 / pattern.samples)
@@ -172,7 +171,7 @@ class LayeredModel:
         Offsets are grouped, and each group is evaluated at its largest offset.  This is a bound,
         because the covariance of a pair decreases with the distance.
         """
-        if isinstance(pattern, Spiral) or pattern.removed or pattern.samples <= GROUPS**2:
+        if not isinstance(pattern, Pattern) or pattern.removed or pattern.samples <= GROUPS**2:
             return self.predict(pattern, baseline_m)
         pitch_y, reach = baseline_m * pattern.row_pitch, self.independent_baseline_m
         far_x, weight_x = _groups(pattern.columns, _reach(pattern.columns, baseline_m, reach))

@@ -27,7 +27,6 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
@@ -444,7 +443,7 @@ class MeasuredModel:
         for moved in ((0, 0), (0, columns // 2), (rows // 2, 0), (rows // 2, columns // 2)):
             occupied = np.roll(volume.occupied, moved, axis=(1, 2))
             model = MeasuredModel(
-                replace(volume, occupied=occupied, bounds=None),
+                volume.of_voxels(occupied),
                 altitude_m,
                 heading_deg=self.heading_deg,
                 view=self.view,

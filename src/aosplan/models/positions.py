@@ -13,7 +13,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from aosplan.grid.pair_offsets import offset_counts
-from aosplan.grid.spiral import Spiral
+from aosplan.grid.patterns import Pattern
 from aosplan.models.equations import line_shortfall
 from aosplan.numerics import SCALARS
 
@@ -50,11 +50,11 @@ def pattern_shortfall(pattern: AnyPattern, dhat: float, spread: float = 0.0) -> 
     if spread > 0.0:
         from aosplan.models.position_noise import blurred_shortfall, scattered_shortfall
 
-        if isinstance(pattern, Spiral):
+        if not isinstance(pattern, Pattern):
             return scattered_shortfall(pattern.offsets(), dhat, spread)
         return blurred_shortfall(pattern, dhat, spread)
     samples = pattern.samples
-    if isinstance(pattern, Spiral):
+    if not isinstance(pattern, Pattern):
         # The tolerance is needed because d̂ may be rounded.
         if dhat * pattern.nearest > 1.0 - 1e-15:
             return 1.0 / samples

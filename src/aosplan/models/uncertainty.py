@@ -276,11 +276,9 @@ def quarters(volume: VoxelVolume) -> Iterator[VoxelVolume]:
 
     The result is empty if a quarter would have fewer than `SMALLEST_QUARTER` cells along a side.
     """
-    from dataclasses import replace
-
     rows, columns = (cells // 2 for cells in volume.occupied.shape[1:])
     if min(rows, columns) >= SMALLEST_QUARTER:
         for south in (0, rows):
             for west in (0, columns):
                 part = volume.occupied[:, south : south + rows, west : west + columns]
-                yield replace(volume, occupied=part, bounds=None)
+                yield volume.of_voxels(part)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from aosplan.grid.spiral import Spiral
+from aosplan.grid.patterns import Pattern
 from aosplan.models.model import Prediction
 from aosplan.models.positions import pattern_shortfall, positions_shortfall
 from aosplan.numerics import triangle
@@ -184,7 +184,7 @@ class UniformModel(NamedTuple):
         from aosplan.models.oblique_rays import bundle
         from aosplan.models.position_noise import overlaps
 
-        if isinstance(pattern, Spiral):
+        if not isinstance(pattern, Pattern):
             points = baseline_m * np.array(list(pattern.offsets()))
             return self._predict_oblique_at(points, self._spread)
         log_t = math.log(self.transparency)

@@ -48,6 +48,10 @@ def confidence_of(solved: SolvedPlan) -> Confidence:
     """Standard errors of a solution, and its sensitivity if it is requested."""
     if solved.problem is None:
         return Confidence(uncertainty_reason="nothing is hidden")
+    if solved.guided is not None:
+        return Confidence(
+            uncertainty_reason="the standard errors are those of plots, not of a single place"
+        )
     changes: tuple[Change, ...] = ()
     if solved.inputs.wants_sensitivity:
         from aosplan.planning.sensitivity import changes_of
@@ -92,9 +96,7 @@ def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution)
         return errors
     sites = model.sites_m(solution.pattern, solution.baseline_m)
     if volume.bounds is not None:
-        bounds = (
-            model.of_volume(replace(volume, occupied=bound, bounds=None)) for bound in volume.bounds
-        )
+        bounds = (model.of_volume(volume.of_voxels(bound)) for bound in volume.bounds)
         dense, thin = (bound.predict_positions(sites) for bound in bounds)
         errors = with_part(errors, of_clumps((volume.opacity.pulses or 0) / volume.plot_area_m2))
         return with_doubt(errors, dense, thin, UNIFORM, "opacity")
@@ -115,7 +117,7 @@ def coarsened(volume: VoxelVolume) -> VoxelVolume:
         pairs = along[0::2].copy("K")
         pairs[: len(along) // 2] |= along[1::2]
         occupied = pairs.swapaxes(0, axis)
-    return replace(volume, occupied=occupied, voxel_m=2.0 * volume.voxel_m)
+    return replace(volume.of_voxels(occupied), voxel_m=2.0 * volume.voxel_m)
 
 
 def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:

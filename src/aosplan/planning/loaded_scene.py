@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from aosplan.errors import RequestError
 from aosplan.files import is_file_name, is_pattern, located
 from aosplan.messages import Message
-from aosplan.planning.options import DEFAULTS, READING
+from aosplan.planning.options import DEFAULTS, GUIDED, READING
 from aosplan.scenes.presets import find_preset_scene, scene_hint
 from aosplan.scenes.scene import Scene, UniformScene
 
@@ -253,6 +253,8 @@ def _cloud(
         reading["trajectory"] = request.trajectory
         trajectory = located(request.trajectory, folder)
 
+    halves = request.grid == GUIDED
+
     def read() -> VoxelVolume:
         from aosplan.scenes.files.point_cloud import read_voxels
 
@@ -266,11 +268,13 @@ def _cloud(
             leaf_size_m=request.leaf_size,
             trajectory=trajectory,
             crop=crop,
+            halves=halves,
             progress=progress,
         )
 
     read_from = files if trajectory is None else (*files, trajectory)
-    stand, from_cache = cache.cached_stand(read_from, {**reading, "box": crop}, read)
+    key = {**reading, "box": crop, **({"halves": True} if halves else {})}
+    stand, from_cache = cache.cached_stand(read_from, key, read)
     shown = os.path.basename(os.path.normpath(name))
     loaded = _of_stand(stand, shown, request)
     reading["voxel"] = stand.volume.slice_height_m

@@ -14,7 +14,7 @@ from aosplan.errors import RequestError
 from aosplan.grid.patterns import NARROWEST_TURNS
 from aosplan.models.signatures import SIGNATURES
 from aosplan.planning.option_parsers import PERSON
-from aosplan.planning.options import BY_NAME, DEFAULTS, FIND_OPTIONS, READING
+from aosplan.planning.options import BY_NAME, DEFAULTS, FIND_OPTIONS, READING, is_guided
 from aosplan.solver import refusals
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ ALTERNATIVES = (
     (("altitude",), ("gsd",), ("target_size", "target_pixels")),
     (("vhat",), ("visibility",)),
     (
-        ("origin",),
+        ("origin", "around_radius"),
         ("area", "clear", "no_fly", "buffer", "max_sites"),
         ("around", "around_radius", "clear", "no_fly", "buffer", "max_sites"),
     ),
@@ -139,7 +139,12 @@ NEEDS = (
         "--area",
         "give --area FILE too",
     ),
-    Need(("around_radius",), ("around",), "--around", "give --around FILE too"),
+    Need(
+        ("around_radius",),
+        ("around", "origin"),
+        "--around",
+        "give --around FILE or --origin LAT,LON too",
+    ),
     Need(("buffer",), ("no_fly",), "--no-fly", "give --no-fly FILE too"),
 )
 """Options that have a meaning only together with another option."""
@@ -295,7 +300,7 @@ def dependent_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
         needed += LANE_OPTIONS.get(values["grid"], ())
     if is_over_area(values):
         needed.append("max_sites")
-    if values["around"] is not None:
+    if values["around"] is not None or (is_guided(values) and values["origin"] is not None):
         needed.append("around_radius")
     if values["no_fly"] is not None:
         needed.append("buffer")
@@ -400,6 +405,8 @@ def with_partners(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, An
 
 def is_search(values: Mapping[str, Any]) -> bool:
     """Whether a request needs a search over flights."""
+    if is_guided(values):
+        return False
     if values["within"] is not None or _searches_area(values):
         return True
     names = (*LEFT_OPEN, "baseline", "samples")
@@ -417,8 +424,9 @@ def _searches_area(values: Mapping[str, Any]) -> bool:
 
 
 def default_target(values: Mapping[str, Any]) -> float:
-    """Default of the target V̂.  It is 0 if a search maximises its objective."""
-    return 0.0 if is_search(values) and values["optimize"] in BEST else DEFAULTS["vhat"]
+    """Default of the target V̂.  It is 0 if a search or guided positions maximise their objective."""
+    searched = is_search(values) or is_guided(values)
+    return 0.0 if searched and values["optimize"] in BEST else DEFAULTS["vhat"]
 
 
 def default_objective(values: Mapping[str, Any]) -> str:
@@ -427,6 +435,8 @@ def default_objective(values: Mapping[str, Any]) -> str:
     If the request has a time but no target, the objective is to achieve the best result within this
     time.
     """
+    if is_guided(values):
+        return "visibility"
     has_target = values["vhat"] is not None or values["visibility"] is not None
     if values["within"] is None or has_target:
         return str(DEFAULTS["optimize"])
@@ -459,6 +469,11 @@ def check_search(values: Mapping[str, Any]) -> None:
     RequestError
         If the options cannot be combined.
     """
+    if is_guided(values):
+        from aosplan.planning.guided_relations import check_guided
+
+        check_guided(values)
+        return
     if not is_search(values):
         if isinstance(values["altitude"], str):
             raise RequestError(

@@ -18,7 +18,7 @@ from aosplan.planning import option_parsers as parse
 from aosplan.solver.problem import OBJECTIVES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
 DEFAULTS: dict[str, Any] = {
     "focal_height": 0.0,
@@ -55,6 +55,9 @@ DEFAULTS: dict[str, Any] = {
 }
 """Default values of options, for single plans and for the columns of a sweep."""
 
+
+GUIDED = "guided"
+"""The kind of grid whose positions are chosen for one place from a point cloud."""
 
 READING = (
     "voxel", "ground", "min_height", "units", "crop", "opacity", "leaf_size", "trajectory",
@@ -212,8 +215,8 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
          "Show how errors of 20 % in density, occluder size and heights change the plan."),
     ),
     "Grid": (
-        ("grid", q.one_of((*GRIDS, "best")), "text", "KIND",
-         f"Kind of grid: {', '.join(GRIDS)}, or best.  [default]"),
+        ("grid", q.one_of((*GRIDS, GUIDED, "best")), "text", "KIND",
+         f"Kind of grid: {', '.join(GRIDS)}, guided, or best.  [default]"),
         ("lanes", q.or_best(q.whole), "whole", "K",
          "Number of lanes for --grid lanes, or best.  [default]"),
         ("lane_pitch", q.or_best(parse.positive), "number", "X",
@@ -233,7 +236,8 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("around", q.word, "text", "FILE",
          "Points to look at closely (GeoJSON, KML, KMZ), instead of --area."),
         ("around_radius", parse.positive, "number", "M",
-         "Radius of the area to cover around each point.  [default]"),
+         "Radius of the area to cover around each point, or of the target area around --origin for "
+         "guided grids and reciprocal maps.  [default]"),
         ("clear", q.word, "text", "FILE",
          "Parts of the area without canopy, for which one photo is enough."),
         ("no_fly", q.word, "text", "FILE",
@@ -341,3 +345,8 @@ SHOWING = tuple(
     in (*FIND_OPTIONS, "coverage", "model", "view", "rays", "origin", "heading", "clearance")
 )
 """Options that determine what photos from given positions show."""
+
+
+def is_guided(values: Mapping[str, Any]) -> bool:
+    """Whether the positions of the photos are chosen for one place from a point cloud."""
+    return bool(values["grid"] == GUIDED)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from aosplan.models.measured import NoiseExpectation
     from aosplan.models.uncertainty import Uncertainty
     from aosplan.planning.confidence import Confidence
+    from aosplan.planning.guided_result import GuidedResult
     from aosplan.planning.request import PlanRequest
     from aosplan.planning.resolve import PlanInputs
     from aosplan.planning.route import Route
@@ -57,6 +58,8 @@ class PlanData:
         Probability of detection of the target; None without a target to find.
     within
         Result of a search within a time, or None.
+    guided
+        How guided positions were chosen, or None.
     notices
         Warnings of single stages of the planning, such as the readers of files, the model and the
         area.
@@ -74,6 +77,7 @@ class PlanData:
     confidence: Confidence
     detection: Detection | None = None
     within: WithinResult | None = None
+    guided: GuidedResult | None = None
     ground: GroundVisibility | None = None
     notices: tuple[Message, ...] = ()
     warnings: tuple[Message, ...] = ()
@@ -110,7 +114,9 @@ class PlanData:
 
     @property
     def one_photo(self) -> float:
-        """Visibility in a single photo from above the middle of the grid."""
+        """Visibility in a single photo from above the middle of the grid or of the target area."""
+        if self.guided is not None:
+            return self.guided.one_photo
         return 1.0 if self.problem is None else self.problem.model.transparency
 
     @property
@@ -196,7 +202,11 @@ class PlanData:
 
     @property
     def aperture_m(self) -> float:
-        """Aperture [m] by Eq. 5 for the planned number of samples."""
+        """Aperture [m] by Eq. 5 for the planned number of samples; for guided positions, the longer
+        side of the rectangle around them.
+        """
+        if self.guided is not None:
+            return max(self.extent_m)
         return float(aperture(self.solution.pattern.samples, self.solution.baseline_m))
 
     @property

@@ -332,6 +332,55 @@ class DetectionDocument(OpenDocument):
     map: DetectionMapDocument | None = None
 
 
+class PlainFlightDocument(OpenDocument):
+    """A plain grid within the same time as guided positions."""
+
+    kind: Literal["lanes", "line"]
+    trigger: Literal["stop", "distance"]
+    rows: int
+    columns: int
+    pitch_m: Pair
+    samples: int
+    time_s: Finite
+    density: Finite
+    expected: Finite
+    normalized: Finite
+    least_expected: Finite
+    unseen_share: Finite
+
+
+class GuidedDocument(OpenDocument):
+    """How guided positions were chosen (`aosplan.planning.guided`)."""
+
+    chosen_with: str
+    predicted_with: str
+    pulses: int
+    target_area_m2: Finite
+    targets: int
+    target_pitch_m: Finite
+    candidates: int
+    step_m: Finite
+    reach_m: Pair
+    chosen_expected: Finite
+    least_expected: Finite
+    unseen_share: Finite
+    plain: list[PlainFlightDocument]
+
+
+class ReciprocalMapDocument(OpenDocument):
+    """How much of a target area camera positions see (`aosplan.maps.reciprocal_map`)."""
+
+    target_area_m2: Finite
+    targets: int
+    altitude_m: Finite
+    cell_m: Finite
+    positions: int
+    mean: Finite
+    most: Finite
+    best_east_m: Finite
+    best_north_m: Finite
+
+
 class PlanDocument(OpenDocument):
     """The document that `aosplan plan --json` prints."""
 
@@ -354,6 +403,8 @@ class PlanDocument(OpenDocument):
     continuous: ContinuousDocument | None = None
     detection: DetectionDocument | None = None
     within: WithinDocument | None = None
+    guided: GuidedDocument | None = None
+    reciprocal_map: ReciprocalMapDocument | None = None
     limits: list[LimitDocument]
     sensitivity: list[ChangeDocument] | None = None
     warnings: list[MessageDocument]

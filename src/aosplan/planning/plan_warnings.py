@@ -49,9 +49,9 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
         )
     if not plan.solution.met and plan.inputs.objective not in BEST:
         yield _missed(plan)
-    if min(plan.common_footprint_m) <= 0.0:
+    if min(plan.common_footprint_m) <= 0.0 and plan.guided is None:
         yield _no_common_ground(plan)
-    if plan.coverage is not None:
+    if plan.coverage is not None and plan.guided is None:
         yield from _pixels(plan)
     yield from _thick_layers(plan)
     yield from _flying(plan)

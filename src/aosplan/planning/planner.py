@@ -74,11 +74,16 @@ def plan(
     inputs = resolve_inputs(
         request, folder=folder, load=None if loaded is None else lambda _: loaded, progress=progress
     )
-    solved = solve_inputs(inputs, on_trial=on_trial)
+    if inputs.is_guided:
+        from aosplan.planning.guided import solve_guided
+
+        solved = solve_guided(inputs)
+    else:
+        solved = solve_inputs(inputs, on_trial=on_trial)
     layout = _laid_out(solved, folder)
     route = route_of(solved.inputs, layout, solved.solution.baseline_m)
     notices: list[Message] = [*inputs.loaded.warnings]
-    if inputs.model == "measured":
+    if inputs.model == "measured" and solved.guided is None:
         from aosplan.planning.measured_warnings import measured_warnings
 
         notices += measured_warnings(solved, compares_headings=inputs.compares_headings)
@@ -91,7 +96,11 @@ def plan(
         pattern, baseline_m = solved.solution.pattern, solved.solution.baseline_m
         detection = detection_of(solved.inputs, pattern, baseline_m)
         notices += detection_warnings(detection, solved.inputs, pattern.samples)
-    if inputs.area is not None and inputs.objective != "detection":
+    if solved.guided is not None:
+        from aosplan.planning.guided_warnings import guided_warnings
+
+        notices += guided_warnings(solved.guided, solved.solution.prediction)
+    elif inputs.area is not None and inputs.objective != "detection":
         from aosplan.planning.cheaper_flight import long_flight
 
         notices += long_flight(inputs.request, folder, inputs.loaded, route.total_time_s)
@@ -107,21 +116,22 @@ def plan(
             confidence=confidence_of(solved),
             ground=_ground_of(solved, layout),
             detection=detection,
+            guided=solved.guided,
             notices=tuple(notices),
         )
     )
 
 
 def _ground_of(solved: SolvedPlan, layout: Layout) -> GroundVisibility | None:
-    """Visibility over the ground of a plan; None if nothing is hidden, or if the samples have no
-    common ground.
+    """Visibility over the ground of a plan; None if nothing is hidden, if the samples have no common
+    ground, or if the plan is for one place anyway.
 
     For a single grid, the ground is that which all samples see.  For a single line, it is the
     swath.  Over an area, it is one cell between sites, because every place has a grid whose middle
     is at most half a pitch away.
     """
     inputs, problem, solution = solved.inputs, solved.problem, solved.solution
-    if problem is None:
+    if problem is None or solved.guided is not None:
         return None
     sides = zip(inputs.footprint_m, solution.pattern.extent, strict=True)
     x, y = (size - side * solution.baseline_m for size, side in sides)

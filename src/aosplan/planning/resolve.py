@@ -16,6 +16,7 @@ from aosplan.files import located
 from aosplan.models.signatures import SIGNATURES, Signature
 from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.option_parsers import target_m
+from aosplan.planning.options import DEFAULTS, GUIDED
 from aosplan.planning.route import FlightInputs, Wind, speed_bounds
 from aosplan.solver import refusals
 from aosplan.solver.problem import Bounds, CommonGround, GridKind, Requirement
@@ -112,6 +113,10 @@ class PlanInputs(NamedTuple):
         The area to cover, and its no-fly zones; None for one grid.
     max_sites
         Largest number of sites over an area.  Areas that need more sites are refused.
+    within_min
+        Longest time from take-off to landing, for guided positions; None if it was not given.
+    around_radius_m
+        Radius of the target area around the origin, for guided positions and reciprocal maps.
     wants_sensitivity
         Whether the effect of a different scene on the plan is computed.
     flight
@@ -144,6 +149,8 @@ class PlanInputs(NamedTuple):
     line_pitch: float | None
     area: Area | None
     max_sites: int
+    within_min: float | None
+    around_radius_m: float
     wants_sensitivity: bool
     flight: FlightInputs
     folder: str
@@ -157,6 +164,11 @@ class PlanInputs(NamedTuple):
     def is_line(self) -> bool:
         """Whether the request asks for a single line."""
         return [kind.name for kind in self.grids] == ["line"]
+
+    @property
+    def is_guided(self) -> bool:
+        """Whether the positions are chosen for one place."""
+        return [kind.name for kind in self.grids] == [GUIDED]
 
     def at_heading(self, heading_deg: float) -> PlanInputs:
         """The same inputs with a fixed heading."""
@@ -215,9 +227,11 @@ def resolve_inputs(
     if loaded.scene.integrated_density > 0.0:
         _check_altitude(loaded, altitude_m, request)
     measured = model == "measured"
-    view = (request.view or "telecentric") if measured else request.view
+    guided = request.grid == GUIDED
+    usual = "perspective" if guided else "telecentric"
+    view = (request.view or usual) if measured else request.view
     rays = request.rays if measured else (request.rays or "nadir")
-    edges = request.edges or "auto"
+    edges = request.edges or ("interior" if guided else "auto")
     decided: dict[str, Any] = {"model": model, "view": view, "rays": rays}
     if measured:
         decided["edges"] = edges
@@ -257,6 +271,8 @@ def resolve_inputs(
         line_pitch=request.lane_pitch if isinstance(request.lane_pitch, float) else None,
         area=area,
         max_sites=request.max_sites or 0,
+        within_min=request.within,
+        around_radius_m=request.around_radius or DEFAULTS["around_radius"],
         wants_sensitivity=request.sensitivity,
         flight=flight_of(request, camera.gsd_m(altitude_m), folder),
         folder=folder,

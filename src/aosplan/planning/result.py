@@ -48,6 +48,11 @@ class Plan(PlanData):
                 "plan --within MIN shows the plans for half the time and twice the time; "
                 "tradeoff --find person shows the probability of detection of every row",
             )
+        if self.guided is not None:
+            raise RequestError(
+                "--grid guided has no trade-off: its positions are chosen for one place",
+                "plan shows the plain grids of the same time",
+            )
         if self.problem is None:
             raise RequestError(
                 "no occluder is above the focal plane, so one photo shows everything"

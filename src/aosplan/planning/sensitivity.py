@@ -208,4 +208,4 @@ def with_density_factor(volume: VoxelVolume, factor: float) -> VoxelVolume:
                 beside |= np.roll(plane, step, axis=axis)
         free = np.flatnonzero(beside & ~plane)
         plane.flat[rng.choice(free, min(count, len(free)), replace=False)] = True
-    return replace(volume, occupied=occupied, bounds=None)
+    return volume.of_voxels(occupied)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from aosplan.areas.area import Area
     from aosplan.areas.survey import Survey
-    from aosplan.grid.spiral import Spiral
+    from aosplan.grid.patterns import AnyPattern
     from aosplan.models.rolling import Continuous
     from aosplan.planning.resolve import PlanInputs
     from aosplan.planning.route import Route
@@ -56,6 +56,9 @@ class Layout(NamedTuple):
 def layout_of(solved: SolvedPlan) -> Layout:
     """The sites of a solution: one grid, one line, or all sites that the area needs."""
     inputs, solution = solved.inputs, solved.solution
+    if solved.guided is not None:
+        origin = inputs.origin if inputs.area is None else inputs.area.origin
+        return Layout(solved.guided.sites, origin, area=inputs.area)
     continuous = _continuous_for(solved)
     if inputs.area is not None:
         survey = _survey_for(inputs, inputs.area, solution)
@@ -138,7 +141,7 @@ def ways_in_zones(inputs: PlanInputs, route: Route) -> Iterator[Message]:
         )
 
 
-def flown_pattern(inputs: PlanInputs, solution: Solution) -> Pattern | Spiral:
+def flown_pattern(inputs: PlanInputs, solution: Solution) -> AnyPattern:
     """The pattern of a plan without an area: the grid, or a line that is longer than one integral.
 
     Raises

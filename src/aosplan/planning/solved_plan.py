@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from aosplan.camera.disparity import Slab
     from aosplan.models.model import VisibilityModel
+    from aosplan.planning.guided_result import GuidedResult
     from aosplan.planning.resolve import PlanInputs
     from aosplan.scenes.correlogram import Correlogram
     from aosplan.scenes.scene import Scene
@@ -58,6 +59,8 @@ class SolvedPlan(NamedTuple):
         The problem, and the baseline of the coverage rule; None if nothing is hidden.
     solution, grid
         The solution, and its kind of grid.
+    guided
+        How guided positions were chosen; None for other grids.
     """
 
     inputs: PlanInputs
@@ -65,6 +68,7 @@ class SolvedPlan(NamedTuple):
     coverage: CoverageBaseline | None
     solution: Solution
     grid: GridKind
+    guided: GuidedResult | None = None
 
 
 def solve_inputs(

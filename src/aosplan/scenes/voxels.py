@@ -8,9 +8,9 @@ of `aosplan.scenes.occluder_statistics` use it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -34,6 +34,21 @@ PLATE_TARGET_M = 0.06
 """Approximate distance between targets below plates.  It equals the distance between targets below
 cubes of 0.25 m.
 """
+
+
+class HalfStand(NamedTuple):
+    """Occupied voxels by one half of the pulses.
+
+    Attributes
+    ----------
+    measured
+        The voxels with the attenuation that was found, like those of the whole volume.
+    dense
+        The same, but with dense foliage wherever no pulse of either half has passed.
+    """
+
+    measured: NDArray[np.bool_]
+    dense: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +95,13 @@ class VoxelVolume:
         The voxels for two extreme assumptions: the first return of each pulse has all its energy,
         or the last return has all of it.  These are the densest and the most open stand that are
         consistent with the pulses.
+    halves
+        The stand by either random half of the pulses, so that what is chosen with one can be
+        judged with the other; None if they were not asked for.
     place
-        Latitude and longitude [deg] of the plot, if the source has a location.
+        Latitude and longitude [deg] of the middle of the plot, if the source has a location.
+    turn_deg
+        Direction of increasing rows there, clockwise from true north.
 
     Raises
     ------
@@ -104,6 +124,8 @@ class VoxelVolume:
     opacity: Opacity | None = None
     bounds: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
     place: tuple[float, float] | None = None
+    turn_deg: float = 0.0
+    halves: tuple[HalfStand, HalfStand] | None = None
     cell_voxels: int = 1
 
     def __post_init__(self) -> None:
@@ -120,8 +142,13 @@ class VoxelVolume:
             raise RequestError(f"{where}: min_height_m {self.min_height_m:g} is not zero or above")
         if self.slice_m is not None and not (np.isfinite(self.slice_m) and self.slice_m > 0.0):
             raise RequestError(f"{where}: slice_m {self.slice_m:g} is not a positive number")
-        if any(bound.shape != shape or bound.dtype != np.bool_ for bound in self.bounds or ()):
+        others = [*(self.bounds or ()), *(each for half in self.halves or () for each in half)]
+        if any(other.shape != shape or other.dtype != np.bool_ for other in others):
             raise RequestError(f"{where}: the bounds do not have its shape")
+
+    def of_voxels(self, occupied: NDArray[np.bool_]) -> VoxelVolume:
+        """A volume of other voxels, without bounds and halves."""
+        return replace(self, occupied=occupied, bounds=None, halves=None)
 
     @property
     def slice_height_m(self) -> float:

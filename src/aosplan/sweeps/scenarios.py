@@ -21,7 +21,7 @@ import numpy as np
 
 from aosplan.errors import RequestError, SurroundingsError, needs_extra
 from aosplan.files import decoding, read_bytes, read_start, read_table, text_of
-from aosplan.planning.options import BY_NAME
+from aosplan.planning.options import BY_NAME, GUIDED
 from aosplan.sweeps.block import Block
 from aosplan.units import nearest_hint, number, shown, whole
 
@@ -61,6 +61,11 @@ def _parsed(name: str, value: Any, place: str) -> Any:
     refused.
     """
     found = BY_NAME[name].parse(value, place)
+    if (name, found) == ("grid", GUIDED):
+        raise RequestError(
+            f"{place} guided: a sweep does not choose positions for one place",
+            "aosplan plan --grid guided does, one request at a time",
+        )
     if (
         name == "within"
         or (name, found) in _SEARCHED

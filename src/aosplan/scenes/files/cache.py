@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 VARIABLE = "AOSPLAN_CACHE"
 
-READING = 4
+READING = 5
 """Version of the reader.  Increase it whenever the reader produces other voxels from the same
 cloud.
 """

@@ -22,6 +22,7 @@ from aosplan.crs import (
     given_units,
     ground_scale,
     height_unit_m,
+    location_of,
     true_lengths,
     unit_text,
     units_of,
@@ -32,6 +33,8 @@ from aosplan.scenes.voxels import FACE, VoxelVolume, fits, too_many_voxels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from aosplan.crs import Location
 
     Floats = NDArray[np.float32]
 
@@ -128,7 +131,7 @@ def _volume(
     crown_base: float,
     given: Units,
 ) -> VoxelVolume:
-    lengths_m, up_m, doubts, on_earth = _metres(raster, path, given)
+    lengths_m, up_m, doubts, location = _metres(raster, path, given)
     _check_layout(raster, path)
     place = raster.transform
     cell_m = abs(place.a) * lengths_m[0], abs(place.e) * lengths_m[1]
@@ -187,7 +190,8 @@ def _volume(
         y_min_m=corner[1] * lengths_m[1],
         min_height_m=min_height_m,
         ground="raster",
-        place=on_earth,
+        place=location and location[:2],
+        turn_deg=0.0 if location is None else location.turn_deg,
         warnings=tuple(doubts),
         source=path,
         assumed=(
@@ -199,9 +203,9 @@ def _volume(
 
 def _metres(
     raster: Any, path: str, given: Units
-) -> tuple[tuple[float, float], float, list[tuple[str, str]], tuple[float, float] | None]:
-    """Metres in the units of x, y and heights.  Also returns warnings, and latitude and longitude
-    of the raster.
+) -> tuple[tuple[float, float], float, list[tuple[str, str]], Location | None]:
+    """Metres in the units of x, y and heights.  Also returns warnings, and the location of the
+    raster's middle.
 
     Raises
     ------
@@ -229,12 +233,12 @@ def _metres(
         f"raster {path}",
         "give the unit with --units, such as ft,m or us-ft",
     )
-    lengths_m, place = (across_m, across_m), None
+    lengths_m, location = (across_m, across_m), None
     if crs is not None and given.across_m is None:
         middle = raster.transform * (0.5 * raster.width, 0.5 * raster.height)
         scale = ground_scale(crs, middle[0], middle[1])
         lengths_m = true_lengths(scale, across_m, f"raster {path}")
-        place = scale and (scale.latitude, scale.longitude)
+        location = location_of(crs, middle[0], middle[1])
     if lengths_m != (across_m, across_m):
         message = (
             f"cells of {path} are {lengths_m[0] / across_m:.4g} (x) and "
@@ -248,7 +252,7 @@ def _metres(
     if given.up_m is None and not are_same(up_m, 1.0):
         message = f"{path} has heights in {unit_text(up_m)}: they were converted to metres"
         doubts.append(("heights_converted", message))
-    return lengths_m, up_m, doubts, place
+    return lengths_m, up_m, doubts, location
 
 
 def _without_data(tops: Floats, nodata: float | None, up_m: float) -> list[tuple[str, str]]:

@@ -72,8 +72,6 @@ class CropBox(NamedTuple):
     ----------
     low_m, high_m
         Smallest and largest x and y, each of shape (2,).
-    place
-        Latitude and longitude of the centre, if they are known.
     said
         Warnings for the user.
     is_empty
@@ -82,7 +80,6 @@ class CropBox(NamedTuple):
 
     low_m: Floats
     high_m: Floats
-    place: tuple[float, float] | None
     said: list[tuple[str, str]]
     is_empty: RequestError
 
@@ -170,7 +167,7 @@ def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> CropBox | Non
     )
     if missed:
         raise error
-    return CropBox(corners[0], corners[1], _place(crs, corners / metres), said, error)
+    return CropBox(corners[0], corners[1], said, error)
 
 
 def _text(corners: Floats) -> str:
@@ -190,16 +187,3 @@ def _in_system(crs: CRS, bounds: tuple[float, float, float, float]) -> Floats:
         return np.array(transformer(WGS84, crs).transform_bounds(*bounds))
     except ProjError:
         return np.full(4, math.nan)
-
-
-def _place(crs: CRS | None, corners: Floats) -> tuple[float, float] | None:
-    from pyproj.exceptions import ProjError
-
-    if crs is None:
-        return None
-    x, y = corners.mean(axis=0).tolist()
-    try:
-        longitude, latitude = transformer(crs, WGS84).transform(x, y)
-    except ProjError:
-        return None
-    return (latitude, longitude) if math.isfinite(latitude + longitude) else None

@@ -25,6 +25,7 @@ from aosplan.crs import given_units
 from aosplan.errors import RequestError, SurroundingsError
 from aosplan.scenes import voxels
 from aosplan.scenes.files import outliers
+from aosplan.scenes.files.cloud_doubts import cloud_doubts, opacity_doubts
 from aosplan.scenes.files.crop import box_of
 from aosplan.scenes.files.ground import (
     MAX_VERTICES,
@@ -36,10 +37,9 @@ from aosplan.scenes.files.ground import (
 )
 from aosplan.scenes.files.las import PointFile, not_metric
 from aosplan.scenes.files.spool import Spool
-from aosplan.scenes.files.tiles import brought_together, warnings_of_files
+from aosplan.scenes.files.tiles import brought_together, located, warnings_of_files
 from aosplan.scenes.opacity import Opacity, OpacitySource
 from aosplan.scenes.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
-from aosplan.units import rounded_up
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -64,11 +64,6 @@ ENOUGH_GROUND_POINTS = 50 * MAX_VERTICES
 MAX_EXTENT_M = 100_000.0
 MAX_RISE_M = 10_000.0
 FEWEST_GROUND_POINTS_PER_M2 = 0.04
-SPARSE_POINTS_PER_M2 = 20.0
-SATURATED_OCCUPANCY = 0.98
-FULL_FOOTPRINT = 0.95
-POINTS_A_COLUMN = 1.6
-"""Mean points per voxel column; with fewer, more than 20 % of the columns are empty by chance."""
 
 MOST_PULSE_COLUMNS = 400_000
 """Largest number of voxel columns for a fit of pulses; larger plots get larger voxels."""
@@ -101,6 +96,7 @@ def read_voxels(
     leaf_size_m: float | None = None,
     trajectory: str | None = None,
     crop: Crop | None = None,
+    halves: bool = False,
     progress: Progress | None = None,
 ) -> VoxelVolume:
     """Read one or several LAS or LAZ files of one stand into voxels.
@@ -133,6 +129,9 @@ def read_voxels(
         compute them from the pulses.
     crop
         Rectangle outside of which points are ignored; None to use all points.
+    halves
+        Whether the volume also gets the voxels by either half of the pulses.  This needs opacity
+        from pulses.
     progress
         Function that is called with the work done and the total work, in points.  Each point counts
         twice: once when it is read, and once when it is sorted into a voxel.
@@ -164,13 +163,11 @@ def read_voxels(
         with Spool() as cloud:
             given = given_units(units) if units else None
             files = [PointFile(name, given) for name in names]
-            together, place = brought_together(files, source)
-            warnings = warnings_of_files(files) + together
+            warnings = warnings_of_files(files) + brought_together(files, source)
             box = None if crop is None else box_of(crop, files, source)
             if box is not None:
                 warnings += box.said
                 files = [file for file in files if box.meets(file)]
-                place = box.place or place
             read = _decode(files, source, cloud, progress, box)
             if voxel_m is None:
                 voxel_m, enlarged = _voxel_for(cloud)
@@ -180,7 +177,14 @@ def read_voxels(
             found, reason = None, ""
             if opacity != "voxels":
                 found, reason = _from_pulses(
-                    files, plot, ground_m, min_height_m, leaf_size_m, trajectory, cloud.count
+                    files,
+                    plot,
+                    ground_m,
+                    min_height_m,
+                    leaf_size_m,
+                    trajectory,
+                    cloud.count,
+                    halves=halves,
                 )
                 if found is None and (opacity == "pulses" or trajectory is not None):
                     raise RequestError(
@@ -213,13 +217,12 @@ def read_voxels(
         ground=method,
         source=source,
         opacity=Opacity("voxels", reason),
-        place=place,
     )
     spacing_m = 1.0 / math.sqrt(volume.points_per_m2)
     squares = math.ceil(SPACINGS_ACROSS * spacing_m / voxel_m)
     columns = touched.reshape(plot.rows, plot.columns)
     covered = footprint(columns, squares)
-    doubts = _doubts(volume, covered, assumed=ground == "auto")
+    doubts = cloud_doubts(volume, covered, assumed=ground == "auto")
     known = (
         *warnings,
         *strange,
@@ -228,16 +231,19 @@ def read_voxels(
         *doubts,
     )
     if found is None:
-        return replace(volume, warnings=(*known, *_of_opacity(volume, spacing_m)))
-    return replace(
+        volume = replace(volume, warnings=(*known, *opacity_doubts(volume, spacing_m)))
+        return located(volume, files)
+    volume = replace(
         volume,
         occupied=found.occupied,
         voxel_m=found.cell_m,
         slice_m=found.opacity.voxel_m,
         bounds=found.bounds,
+        halves=found.halves,
         opacity=found.opacity,
         warnings=known,
     )
+    return located(volume, files)
 
 
 def _from_pulses(
@@ -248,6 +254,8 @@ def _from_pulses(
     leaf_m: float | None,
     trajectory: str | None,
     points: int,
+    *,
+    halves: bool,
 ) -> tuple[PulseVolume | None, str]:
     """The volume from the pulses of a stand, or None and the reason why they cannot be used."""
     from aosplan.scenes.pulses.fit import UnsoundPulsesError, volume_from_pulses
@@ -272,7 +280,13 @@ def _from_pulses(
     grid = VoxelGrid(ground_m, voxel_m, 1, cut_m, (width_m, depth_m))
     try:
         found = volume_from_pulses(
-            files, grid, plot.origin_m, leaf_m=leaf_m, trajectory=track, points=points
+            files,
+            grid,
+            plot.origin_m,
+            leaf_m=leaf_m,
+            trajectory=track,
+            points=points,
+            halves=halves,
         )
     except UnsoundPulsesError as error:
         return None, str(error)
@@ -439,62 +453,3 @@ def _followed(
         done += block.shape[1]
         if progress is not None:
             progress(done, total)
-
-
-def _doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Iterator[Warned]:
-    """Yield warnings about the cloud, for the user."""
-    occupancy = volume.column_occupancy
-    if volume.ground == "filter":
-        message = (
-            "a cloth simulation filter computed the ground, because the points have no classes"
-        )
-        yield "ground_filtered", message
-    if volume.ground == "normalized" and assumed:
-        message = "z is assumed to be the height above ground, because the lowest z are near 0"
-        yield "ground_assumed_normalized", message
-    density = volume.points_per_m2
-    if density < SPARSE_POINTS_PER_M2:
-        message = (
-            f"{density:.3g} points per m² are fewer than {SPARSE_POINTS_PER_M2:g}, so the "
-            "canopy is denser than it seems"
-        )
-        yield "sparse_cloud", message
-    if covered < FULL_FOOTPRINT:
-        message = (
-            f"the points cover {covered:.0%} of their bounding rectangle, and the rest is "
-            f"treated as open ground, so p = {occupancy:.3g}, but "
-            f"{min(occupancy / covered, 1.0):.3g} in the part with points; crop a rectangle "
-            "from the cloud"
-        )
-        yield "partial_plot", message
-    if occupancy == 0.0:
-        message = f"no point is {volume.min_height_m:g} m or more above the ground"
-        yield "no_vegetation", message
-
-
-def _of_opacity(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
-    """Yield warnings for volumes whose voxels are opaque if they contain a point."""
-    voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
-    if volume.opacity is not None and volume.opacity.reason:
-        message = (
-            "the opacity cannot be computed from the pulses, so each voxel with a point is opaque, "
-            f"and the result depends on --voxel: {volume.opacity.reason}"
-        )
-        yield "opacity_from_voxels", message
-    enough_m = math.sqrt(POINTS_A_COLUMN) * spacing_m
-    if voxel_m < enough_m * (1.0 - 1e-9) and volume.points_per_m2 >= SPARSE_POINTS_PER_M2:
-        points = (voxel_m / spacing_m) ** 2
-        message = (
-            f"columns of {voxel_m:g} m contain {points:.2g} points on average, so "
-            f"{math.exp(-points):.0%} of the columns contain none by chance, and the canopy seems "
-            f"more transparent than it is; give --voxel with {rounded_up(enough_m, 2)} m or more"
-        )
-        yield "voxel_below_spacing", message
-    if occupancy > SATURATED_OCCUPANCY:
-        message = (
-            f"{occupancy:.1%} of the voxel columns contain points, so the density of the "
-            f"canopy cannot be measured; give a --voxel that is smaller than {voxel_m:g} m"
-        )
-        if spacing_m < voxel_m:
-            message += f", of {rounded_up(spacing_m, 2)} m or more for points this dense"
-        yield "saturated", message

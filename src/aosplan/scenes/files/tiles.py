@@ -5,9 +5,12 @@ warnings that they share.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from aosplan.crs import ground_scale, transformer, true_lengths, unit_text
+import numpy as np
+
+from aosplan.crs import ground_scale, location_of, transformer, true_lengths, unit_text
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:
@@ -16,6 +19,7 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
     from aosplan.scenes.files.las import PointFile
+    from aosplan.scenes.voxels import VoxelVolume
 
     Warned = tuple[str, str]
 
@@ -41,17 +45,14 @@ def _and_more(names: Sequence[str]) -> str:
     return f" (and {len(names) - 1} more)" if len(names) > 1 else ""
 
 
-def brought_together(
-    files: Sequence[PointFile], source: str
-) -> tuple[list[Warned], tuple[float, float] | None]:
+def brought_together(files: Sequence[PointFile], source: str) -> list[Warned]:
     """Scale x and y of the files to true metres.  Before that, check that all files have the same
     reference system.
 
     Returns
     -------
-    tuple
-        Warnings, and latitude and longitude of the cloud if its reference system gives them.  The
-        warnings are about a projection whose scale is not 1, and about files without a reference
+    list
+        Warnings about a projection whose scale is not 1, and about files without a reference
         system.
 
     Raises
@@ -61,7 +62,7 @@ def brought_together(
     """
     first = next((file for file in files if file.reference.horizontal is not None), None)
     if first is None:
-        return [], None
+        return []
     crs = first.reference.horizontal
     assert crs is not None
     doubts: list[Warned] = []
@@ -89,7 +90,20 @@ def brought_together(
             "factors"
         )
         doubts.append(("projection_scaled", message))
-    return doubts, scale and (scale.latitude, scale.longitude)
+    return doubts
+
+
+def located(volume: VoxelVolume, files: Sequence[PointFile]) -> VoxelVolume:
+    """The volume of some files with the location of its middle, if the files have a location."""
+    file = next((file for file in files if file.reference.horizontal is not None), None)
+    if file is None or file.reference.horizontal is None:
+        return volume
+    corner_m = np.array([volume.x_min_m, volume.y_min_m])
+    x, y = ((corner_m + 0.5 * np.array(volume.size_m)) / file.metres).tolist()
+    found = location_of(file.reference.horizontal, x, y)
+    if found is None:
+        return volume
+    return replace(volume, place=found[:2], turn_deg=found.turn_deg)
 
 
 def _check_same(first: PointFile, file: PointFile) -> None:

@@ -24,7 +24,7 @@ from aosplan.files import parse_table, read_bytes
 from aosplan.scenes.files.correlogram_table import correlogram_from, correlogram_table
 from aosplan.scenes.opacity import Opacity
 from aosplan.scenes.scene import Layer, LayeredScene
-from aosplan.scenes.voxels import MAX_VOXELS, VoxelVolume
+from aosplan.scenes.voxels import MAX_VOXELS, HalfStand, VoxelVolume
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 VERSION = 1
 BOUNDS = ("densest", "most_open")
 """Names of the two bounds of a volume from pulses."""
+
+HALVES = ("first_half", "first_half_dense", "second_half", "second_half_dense")
+"""Names of the volumes of either half of the pulses."""
 
 MOST_OCTETS = MAX_VOXELS // 4
 """Largest size of a file, or of an array in it [bytes].  It is twice the size of the largest
@@ -107,6 +110,7 @@ def stand_npz(stand: VoxelStand) -> bytes:
         "source": volume.source,
         "assumed": volume.assumed,
         "place": None if volume.place is None else list(volume.place),
+        "turn_deg": volume.turn_deg,
         "shape": list(volume.occupied.shape),
         "slice_m": volume.slice_m,
         "opacity": None if volume.opacity is None else volume.opacity.to_document(),
@@ -118,8 +122,11 @@ def stand_npz(stand: VoxelStand) -> bytes:
     with zipfile.ZipFile(buffer, "w") as archive:
         _add(archive, "about", np.frombuffer(json.dumps(about).encode(), dtype=np.uint8))
         _add(archive, "occupied", np.packbits(volume.occupied, axis=2))
-        for name, bound in zip(BOUNDS, volume.bounds or (), strict=False):
-            _add(archive, name, np.packbits(bound, axis=2))
+        others = [*zip(BOUNDS, volume.bounds or (), strict=False)]
+        parts = [each for half in volume.halves or () for each in half]
+        others += zip(HALVES, parts, strict=False)
+        for name, other in others:
+            _add(archive, name, np.packbits(other, axis=2))
     return buffer.getvalue()
 
 
@@ -154,8 +161,12 @@ def parse_stand(stored: bytes, path: str) -> VoxelStand:
                 about, packed = arrays["about"], arrays["occupied"]
                 if not (isinstance(about, np.ndarray) and isinstance(packed, np.ndarray)):
                     raise TypeError("its members are not arrays")
-                bounds = [arrays[name] for name in BOUNDS if name in arrays.files]
-                return _stand(parse_table(about.tobytes(), path), packed, bounds, path)
+                bounds, halves = (
+                    [arrays[name] for name in names if name in arrays.files]
+                    for names in (BOUNDS, HALVES)
+                )
+                table = parse_table(about.tobytes(), path)
+                return _stand(table, [packed, *bounds], halves, path)
     except DAMAGE as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise RequestError(f"'{path}' is not a voxel file, or it is damaged: {reason}") from None
@@ -163,9 +174,12 @@ def parse_stand(stored: bytes, path: str) -> VoxelStand:
 
 
 def _stand(
-    about: dict[str, Any], packed: NDArray[np.uint8], bounds: list[NDArray[np.uint8]], path: str
+    about: dict[str, Any],
+    packed: list[NDArray[np.uint8]],
+    halves: list[NDArray[np.uint8]],
+    path: str,
 ) -> VoxelStand:
-    volume = _volume(about, packed, bounds)
+    volume = _volume(about, packed, halves)
     if "layers" not in about:  # Files of early versions contain only the voxels.
         return VoxelStand.of(volume)
     layers = tuple(Layer(*map(float, layer)) for layer in about["layers"])
@@ -180,12 +194,14 @@ def _count(value: Any) -> int:
 
 
 def _volume(
-    about: dict[str, Any], packed: NDArray[np.uint8], bounds: list[NDArray[np.uint8]]
+    about: dict[str, Any], packed: list[NDArray[np.uint8]], halves: list[NDArray[np.uint8]]
 ) -> VoxelVolume:
     if about["version"] != VERSION:
         raise ValueError(f"its version is {about['version']}, not {VERSION}")
     slice_m, opacity, place = (about.get(name) for name in ("slice_m", "opacity", "place"))
-    unpacked = [_unpacked(each, about["shape"]) for each in (packed, *bounds)]
+    unpacked, parts = (
+        [_unpacked(each, about["shape"]) for each in arrays] for arrays in (packed, halves)
+    )
     return VoxelVolume(
         unpacked[0],
         voxel_m=float(about["voxel_m"]),
@@ -200,7 +216,9 @@ def _volume(
         slice_m=None if slice_m is None else float(slice_m),
         opacity=None if opacity is None else Opacity.from_document(opacity),
         place=None if place is None else (float(place[0]), float(place[1])),
+        turn_deg=float(about.get("turn_deg", 0.0)),
         bounds=(unpacked[1], unpacked[2]) if len(unpacked) == 3 else None,
+        halves=(HalfStand(*parts[:2]), HalfStand(*parts[2:])) if parts else None,
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from aosplan.errors import RequestError
 from aosplan.scenes.opacity import Opacity
 from aosplan.scenes.pulses import attenuation, clean, grouping, realise, sensor_track, trace
-from aosplan.scenes.voxels import FACE
+from aosplan.scenes.voxels import FACE, HalfStand
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,6 +54,12 @@ parts.
 """
 
 FOLD_SEED = 1
+HALF_SEEDS = 2, 3
+"""Random seeds of the cells of either half of the pulses, which consists of every other part."""
+
+DENSE_PER_M = np.float32(2.0)
+"""Attenuation of dense foliage: a metre of it lets a seventh through."""
+
 ENERGIES = ("first", "weighted", "last")
 
 
@@ -75,12 +81,15 @@ class PulseVolume(NamedTuple):
         Edge of a cell.
     opacity
         How the opacity was found.
+    halves
+        Opaque cells by either random half of the pulses; None if they were not asked for.
     """
 
     occupied: NDArray[np.bool_]
     bounds: tuple[NDArray[np.bool_], NDArray[np.bool_]]
     cell_m: float
     opacity: Opacity
+    halves: tuple[HalfStand, HalfStand] | None = None
 
 
 class Beams(NamedTuple):
@@ -145,6 +154,10 @@ class AttenuationField(NamedTuple):
         Strengths of the shrinkages.
     sampled
         Share of the voxels between cut and top that pulses crossed.
+    halves
+        λ by either half of the pulses, to be scaled like `rate`.
+    passed
+        Voxels that a pulse of either half has passed.
     """
 
     rate: NDArray[np.float32]
@@ -152,6 +165,8 @@ class AttenuationField(NamedTuple):
     gaps: dict[str, float]
     strengths: attenuation.Strengths
     sampled: float
+    halves: tuple[NDArray[np.float32], NDArray[np.float32]]
+    passed: NDArray[np.bool_]
 
 
 def volume_from_pulses(
@@ -162,6 +177,7 @@ def volume_from_pulses(
     leaf_m: float | None = None,
     trajectory: Trajectory | None = None,
     points: int = 0,
+    halves: bool = False,
 ) -> PulseVolume:
     """Fit the attenuation of a stand to its pulses, and draw opaque cells from it.
 
@@ -180,6 +196,8 @@ def volume_from_pulses(
         Positions of the sensor, if they are known.
     points
         Number of returns of the plot.  If it is large, only a share of the pulses is traced.
+    halves
+        Whether to realise either half of the pulses as well, each from a seed of its own.
 
     Raises
     ------
@@ -226,7 +244,19 @@ def volume_from_pulses(
         shrinkage=field.strengths.voxel,
         seed=realise.SEED,
     )
-    return PulseVolume(middle, (dense, thin), leaf_m, opacity)
+    scale = [field.scales["weighted"]]
+    stands = [
+        HalfStand(
+            *(
+                realise.realised(each, grid.voxel_m, grid.cut_m, leaf_m, size_m, scale, seed)[0]
+                for each in (rate, np.where(field.passed, rate, np.maximum(rate, DENSE_PER_M)))
+            )
+        )
+        for rate, seed in zip(field.halves if halves else (), HALF_SEEDS, strict=False)
+    ]
+    return PulseVolume(
+        middle, (dense, thin), leaf_m, opacity, (stands[0], stands[1]) if halves else None
+    )
 
 
 def sound_beams(
@@ -362,9 +392,10 @@ def fitted_field(beams: Beams, grid: trace.VoxelGrid) -> AttenuationField:
     fold = np.random.Generator(np.random.PCG64(FOLD_SEED)).integers(0, FOLDS, len(beams.pulses))
     parts = [_sums(beams.take(fold == k), grid) for k in range(FOLDS)]
     both = attenuation.total(parts)
-    halves = attenuation.total(parts[::2]), attenuation.total(parts[1::2])
-    strengths = attenuation.best_strengths(halves, grid.voxel_m)
-    del halves
+    sums = attenuation.total(parts[::2]), attenuation.total(parts[1::2])
+    strengths = attenuation.best_strengths(sums, grid.voxel_m)
+    first, second = (attenuation.attenuation(half, strengths, grid.voxel_m) for half in sums)
+    del sums
     through = through_canopy(beams, grid)
     depths = np.zeros(len(beams.pulses))
     for k, part in enumerate(parts):
@@ -390,6 +421,8 @@ def fitted_field(beams: Beams, grid: trace.VoxelGrid) -> AttenuationField:
         gaps,
         strengths,
         float((both.path_m[lowest:] > 0.0).mean()) if lowest < grid.slices else 1.0,
+        (first, second),
+        both.path_m > 0.0,
     )
 
 

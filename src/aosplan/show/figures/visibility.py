@@ -111,6 +111,8 @@ def visibility_of(plan: Plan) -> VisibilityFigure:
         If there are no occluders.
     """
     problem, solution = plan.problem, plan.solution
+    if plan.guided is not None:
+        raise RequestError("--grid guided has no curves: its positions are chosen for one place")
     if problem is None:
         raise RequestError("no occluder is above the focal plane, so one photo shows everything")
     requirement, prediction = problem.requirement, solution.prediction

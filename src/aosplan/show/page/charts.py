@@ -91,7 +91,7 @@ class Chart(NamedTuple):
 def charts_of(plan: Plan) -> list[Chart]:
     """Charts of visibility over samples and over baseline; empty if there are no occluders."""
     problem, solution = plan.problem, plan.solution
-    if problem is None or solution.baseline_m == 0.0:
+    if problem is None or solution.baseline_m == 0.0 or plan.guided is not None:
         return []
     samples, baseline = solution.pattern.samples, solution.baseline_m
     bounds = baseline_bounds(problem, solution.pattern)

@@ -20,6 +20,7 @@ from aosplan.errors import MissingExtraError
 
 if TYPE_CHECKING:
     from aosplan.maps.detection_map import DetectionMap, SearchSuccess
+    from aosplan.maps.reciprocal_map import ReciprocalMap
     from aosplan.planning.result import Plan
 
 EXTRA = "report"
@@ -55,6 +56,7 @@ def report_page(
     seed: int | None = SEED,
     detection_map: DetectionMap | None = None,
     success: SearchSuccess | None = None,
+    reciprocal_map: ReciprocalMap | None = None,
 ) -> bytes:
     """The page of a plan in UTF-8.  The bytes depend only on the plan and the seed.
 
@@ -66,6 +68,8 @@ def report_page(
         Random seed of the simulated picture; None for a page without one.
     detection_map, success
         Probability of detection by place, and probability of success with a prior.
+    reciprocal_map
+        How much of the target area camera positions see.
 
     Raises
     ------
@@ -84,10 +88,11 @@ def report_page(
     from aosplan.show.page.height_profile import profile_of
     from aosplan.show.page.map_data import packed_columns, scenery_of
     from aosplan.show.page.number_text import NumberFormatter, long, short, spacing
-    from aosplan.show.page.search_map import search_map
+    from aosplan.show.page.search_map import position_map, search_map
     from aosplan.show.page.simulated_photos import simulated_photos
     from aosplan.show.page.static_map import MOST_SITES, static_map_of
     from aosplan.show.page.within_curve import within_curve
+    from aosplan.show.text.guided_rows import guided_texts
 
     document = plan.document()
     rows = len(document.pop("waypoints"))
@@ -123,6 +128,10 @@ def report_page(
         detection=detection_curve(plan),
         within=within_curve(plan),
         search=search_map(detection_map, success),
+        guided=[] if plan.guided is None else guided_texts(plan.guided),
+        positions=position_map(
+            reciprocal_map, [*zip(plan.waypoints.east_m, plan.waypoints.north_m, strict=True)]
+        ),
         profile=profile_of(plan),
         views=simulated_photos(plan, seed),
         camera=plan.camera.title or plan.camera.name,

@@ -12,10 +12,14 @@ from aosplan.show.figures.grid import nice_length_m
 from aosplan.show.text.detection_rows import search_map_texts
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from aosplan.maps.coverage_map import CoverageMap
     from aosplan.maps.detection_map import DetectionMap, SearchSuccess
+    from aosplan.maps.ground_cells import GroundCells
+    from aosplan.maps.reciprocal_map import ReciprocalMap
 
 WIDTH = 640.0
 """Width of the map.  The height of the map depends on the ground."""
@@ -52,6 +56,8 @@ class SearchMap(NamedTuple):
         Length of the scale bar, and its label.
     swatches
         Positions and colours of the legend.
+    marks
+        Positions of marks.
     """
 
     summary: str
@@ -60,30 +66,69 @@ class SearchMap(NamedTuple):
     cells: list[tuple[str, str]]
     bar: tuple[float, str]
     swatches: list[tuple[float, str]]
+    marks: tuple[tuple[float, float], ...] = ()
 
 
 def search_map(found: DetectionMap | None, success: SearchSuccess | None) -> SearchMap | None:
     """The picture of a detection map; None without a map."""
     if found is None:
         return None
-    cells = found.cells
+    return _share_map(
+        found.cells,
+        found.probability,
+        "Probability of detection",
+        " ".join(search_map_texts(found, success)),
+        unseen=found.looks == 0,
+    )
+
+
+def position_map(
+    found: ReciprocalMap | None, sites_m: Sequence[tuple[float, float]]
+) -> SearchMap | None:
+    """The picture of a reciprocal map with the sites of the plan; None without a map."""
+    if found is None:
+        return None
+    east_m, north_m, most = found.best
+    text = (
+        f"The colour of a position at {found.altitude_m:.4g} m is the share of the target area "
+        f"({found.target_area_m2:.3g} m²) that a camera sees from there. The best position, "
+        f"{east_m:.3g} m east and {north_m:.3g} m north of the origin, sees {most:.1%}. Circles are "
+        "the sites of the plan."
+    )
+    return _share_map(
+        found.cells, found.transparency, "Share of the target area seen", text, sites_m=sites_m
+    )
+
+
+def _share_map(
+    cells: GroundCells,
+    shares: NDArray[np.float64],
+    what: str,
+    text: str,
+    *,
+    unseen: NDArray[np.bool_] | None = None,
+    sites_m: Sequence[tuple[float, float]] = (),
+) -> SearchMap:
+    """A picture of shares from 0 to 1 in cells; `unseen` cells are grey, `sites_m` are marked."""
     rows, columns = cells.inside.shape
     unit = min(WIDTH / columns, TALLEST / rows)
     left = 0.5 * (WIDTH - unit * columns)
-    colour = np.minimum((10.0 * found.probability).astype(np.int64), 9)
-    colour[found.looks == 0] = 10
+    colour = np.minimum((10.0 * np.nan_to_num(shares)).astype(np.int64), 9)
+    if unseen is not None:
+        colour[unseen] = 10
     colour = np.where(cells.inside, colour.reshape(rows, columns), -1)
-    probability = found.probability[cells.inside_rows]
+    known = shares[cells.inside_rows]
     wide_m, tall_m = columns * cells.cell_m, rows * cells.cell_m
     bar_m = nice_length_m(max(wide_m, tall_m))
-    low, high = (float(value) for value in np.quantile(probability, (0.05, 0.95)))
+    low, high = (float(value) for value in np.quantile(known, (0.05, 0.95)))
+    scale = unit / cells.cell_m
     return SearchMap(
         summary=(
-            f"Probability of detection over {wide_m:.4g} m from west to east and {tall_m:.4g} m from "
-            f"south to north, in cells of {cells.cell_m:g} m: {found.mean:.1%} on average, between "
-            f"{low:.1%} and {high:.1%} on nine tenths of the ground."
+            f"{what} over {wide_m:.4g} m from west to east and {tall_m:.4g} m from "
+            f"south to north, in cells of {cells.cell_m:g} m: {float(known.mean()):.1%} on average, "
+            f"between {low:.1%} and {high:.1%} on nine tenths of the ground."
         ),
-        text=" ".join(search_map_texts(found, success)),
+        text=text,
         height=unit * rows + LEGEND,
         cells=[
             (shade, outline)
@@ -92,6 +137,10 @@ def search_map(found: DetectionMap | None, success: SearchSuccess | None) -> Sea
         ],
         bar=(round(unit * bar_m / cells.cell_m, 1), f"{bar_m:g} m"),
         swatches=[(380.0 + 24.0 * number, shade) for number, shade in enumerate(COLOURS)],
+        marks=tuple(
+            (round(left + scale * (x - cells.left_m), 1), round(scale * (cells.top_m - y), 1))
+            for x, y in sites_m
+        ),
     )
 
 

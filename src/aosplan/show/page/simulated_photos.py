@@ -56,6 +56,10 @@ def simulated_photos(plan: Plan, seed: int | None) -> SimulatedPhotos:
     """Simulate a plan over one volume of the forest that corresponds to its scene."""
     if seed is None:
         return SimulatedPhotos(None, "left out, as requested")
+    if plan.guided is not None:
+        return SimulatedPhotos(
+            seed, "left out: it shows another forest, and guided positions are for one place"
+        )
     if plan.solution.pattern.samples > MOST_VIEWS:
         return SimulatedPhotos(
             seed,

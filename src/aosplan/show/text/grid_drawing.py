@@ -11,14 +11,14 @@ import math
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
-from aosplan.grid.spiral import Spiral
+from aosplan.grid.patterns import Pattern
 from aosplan.show.text.terminal import flowed
 from aosplan.units import length
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from aosplan.grid.patterns import AnyPattern, Pattern
+    from aosplan.grid.patterns import AnyPattern
 
 WIDTH, HEIGHT = 72, 20
 """Size of the largest drawing, in characters and lines."""
@@ -54,7 +54,7 @@ def grid_picture(pattern: AnyPattern, *, plain: bool = False, width: int = WIDTH
     legend = [f"{marks.first} first photo", f"{marks.last} last photo", f"{marks.arrow} heading"]
     drawn = _site_by_site(pattern, marks, width)
     if not drawn:
-        even = not isinstance(pattern, Spiral)
+        even = isinstance(pattern, Pattern)
         sites = list(_thinned(pattern, width))
         drawn, step = to_scale(sites, marks, width, plain=plain, even=even)
         legend.append(_scale_text(pattern, step, plain=plain))
@@ -82,7 +82,7 @@ def _site_by_site(pattern: AnyPattern, marks: Marks, width: int) -> list[str]:
     """Drawing with one character per site, if it fits.  A baseline is two characters wide, or one
     character for a single line.
     """
-    for apart in (2, 1) if pattern.rows == 1 and not isinstance(pattern, Spiral) else (2,):
+    for apart in (2, 1) if pattern.rows == 1 and isinstance(pattern, Pattern) else (2,):
         if pattern.samples > WIDTH * HEIGHT:
             return []
         places = _places(pattern, apart)
@@ -101,7 +101,7 @@ def _places(pattern: AnyPattern, apart: int) -> list[tuple[int, int]]:
 
     If rows are more than one baseline apart, there is one empty line between them.
     """
-    if isinstance(pattern, Spiral):
+    if not isinstance(pattern, Pattern):
         offsets = list(pattern.offsets())
         left, top = (min(offset[axis] for offset in offsets) for axis in (0, 1))
         return [(round(y - top), round(apart * (x - left))) for x, y in offsets]
@@ -113,7 +113,7 @@ def _thinned(pattern: AnyPattern, width: int) -> Iterable[tuple[float, float]]:
     """Sites in flight order, including the first and the last.  Their number is reduced to that
     which a drawing can show.
     """
-    if isinstance(pattern, Spiral):
+    if not isinstance(pattern, Pattern):
         every = -(-pattern.samples // MOST_POINTS)
         yield from islice(pattern.offsets(), 0, pattern.samples - 1, every)
         yield next(islice(pattern.offsets(), pattern.samples - 1, None))
@@ -192,7 +192,7 @@ def to_scale(
 def _scale_text(pattern: AnyPattern, step: float, *, plain: bool) -> str:
     """Text with the number of sites that a dot of the drawing represents."""
     dot = "letter" if plain else "dot"
-    if isinstance(pattern, Spiral):
+    if not isinstance(pattern, Pattern):
         return f"a {dot} is {step:.2g} baselines"
     along = min(math.ceil(step), pattern.columns)
     across = min(math.ceil(step * (2.0 if plain else 1.0) / pattern.row_pitch), pattern.rows)

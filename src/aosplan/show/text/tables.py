@@ -13,10 +13,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from aosplan.grid.patterns import Scattered
 from aosplan.grid.spiral import Spiral
 from aosplan.show.text.detection_rows import detection_rows, map_rows
 from aosplan.show.text.flight_rows import flight_rows
 from aosplan.show.text.grid_drawing import flight_picture, grid_picture
+from aosplan.show.text.guided_rows import guided_rows, position_rows
 from aosplan.show.text.imperial import imperial, is_imperial
 from aosplan.show.text.opacity_rows import opacity_rows
 from aosplan.show.text.terminal import (
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from aosplan.areas.survey import Survey
     from aosplan.grid.patterns import AnyPattern
     from aosplan.maps.detection_map import DetectionMap, SearchSuccess
+    from aosplan.maps.reciprocal_map import ReciprocalMap
     from aosplan.models.model import Prediction
     from aosplan.planning.result import Plan
     from aosplan.planning.sensitivity import Change
@@ -98,9 +101,10 @@ def print_plan(
     written: Sequence[str],
     found: DetectionMap | None = None,
     success: SearchSuccess | None = None,
+    positions: ReciprocalMap | None = None,
 ) -> None:
-    """Print the summary of a plan, its detection map if there is one, its grid, and the next steps."""
-    table = _pairs([*_plan_rows(plan), *map_rows(found, success)])
+    """Print the summary of a plan, its maps if there are any, its grid, and the next steps."""
+    table = _pairs([*_plan_rows(plan), *map_rows(found, success), *position_rows(positions)])
     picture = _picture(plan)
     drawing = [Text(""), *(Text("  " + line) for line in picture)] if picture else []
     show(table, *drawing, Text(""), one_line(_next_step(plan, written)))
@@ -109,7 +113,7 @@ def print_plan(
 def _picture(plan: Plan) -> list[str]:
     """Drawing of the flight over an area, or of the grid of a plan."""
     plain, width = not speaks_unicode(), screen_width() - 2
-    if plan.layout.survey is None:
+    if plan.layout.survey is None and plan.guided is None:
         return grid_picture(plan.solution.pattern, plain=plain, width=width)
     flown = plan.waypoints
     return flight_picture(
@@ -130,6 +134,8 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         "interior": ", for targets whose rays stay on the plot",
         "wrapped": ", on a plot that is repeated beyond its edges",
     }
+    if plan.guided is not None:
+        targets["interior"] = f", of {plan.guided.target_area_m2:.3g} m² of ground"
     measured = f"{near}{targets.get(plan.edges or '', '')}"
     if plan.reading == "slices":
         rule = (
@@ -137,13 +143,17 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         )
     yield "Model", plan.model + {"uniform": rule, "measured": measured}.get(plan.model, "")
     yield "", ""
-    yield "Baseline", f"b = {solution.baseline_m:,.2f} m"
-    yield "Samples", f"N = {pattern.samples:,}, {_shape_text(pattern, plan.grid.name)}"
     x, y = plan.extent_m
-    yield (
-        "Aperture",
-        f"a = {plan.aperture_m:,.1f} m (Eq. 5); extent of the grid {x:,.1f} x {y:,.1f} m",
-    )
+    if plan.guided is None:
+        yield "Baseline", f"b = {solution.baseline_m:,.2f} m"
+        yield "Samples", f"N = {pattern.samples:,}, {_shape_text(pattern, plan.grid.name)}"
+        yield (
+            "Aperture",
+            f"a = {plan.aperture_m:,.1f} m (Eq. 5); extent of the grid {x:,.1f} x {y:,.1f} m",
+        )
+    else:
+        yield "Samples", f"N = {pattern.samples:,}, at guided positions"
+        yield "Aperture", f"{x:,.1f} x {y:,.1f} m, along and across the heading"
     if prediction.density > 0.0:
         request = inputs.request
         asked = request.vhat if request.visibility is None else request.visibility
@@ -171,6 +181,7 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     if plan.detection is not None:
         yield from detection_rows(plan)
     yield from () if plan.within is None else within_rows(plan.within)
+    yield from () if plan.guided is None else guided_rows(plan.guided)
     yield "", ""
     yield from _camera_rows(plan)
     for limit in plan.limits:
@@ -231,7 +242,7 @@ def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     else:
         yield "", "no ground is seen by all samples"
     disparity = disparity_document(plan)
-    if disparity["pixels"] is not None:
+    if disparity["pixels"] is not None and plan.guided is None:
         yield (
             "Disparity",
             f"{disparity['pixels']:.3g} px for an occluder of "
@@ -290,6 +301,7 @@ def _short(name: str) -> str:
 
 
 def _shape_text(pattern: AnyPattern, kind: str) -> str:
+    assert not isinstance(pattern, Scattered)  # it has rows of its own
     if isinstance(pattern, Spiral):
         return f"spiral, turns {pattern.turn_pitch:g} baselines apart"
     text = f"{kind} grid of {pattern.rows} x {pattern.columns}"

@@ -1,0 +1,126 @@
+"""The lattice of camera positions from which guided positions are chosen."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import InfeasibleError
+from aosplan.numerics import heading_axis
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.areas.no_fly import NoFlyZones
+    from aosplan.models.place import PlaceViews
+    from aosplan.planning.resolve import PlanInputs
+    from aosplan.planning.target_area import TargetArea
+    from aosplan.scenes.plot_frame import PlotFrame
+
+    Floats = NDArray[np.float64]
+
+STEP_M = 1.0
+"""Default spacing of the candidate positions."""
+
+MOST_CANDIDATES = 2500
+"""Largest number of candidates; on a wider lattice the default spacing is larger."""
+
+
+class Candidates(NamedTuple):
+    """A lattice of positions along the heading and across it, in steps from the origin.
+
+    Attributes
+    ----------
+    places
+        Shape (M, 2): whole numbers of steps along the heading and to its right.
+    step_m
+        The step.
+    points_m
+        Shape (M, 2): the positions, metres east and north of the origin.
+    reason
+        What limits them.
+    """
+
+    places: NDArray[np.int64]
+    step_m: float
+    points_m: Floats
+    reason: str
+
+    @property
+    def reach_m(self) -> tuple[float, float]:
+        """Extent along the heading and across it."""
+        along, across = (self.step_m * np.ptp(self.places, axis=0)).tolist()
+        return along, across
+
+
+def candidates_of(
+    inputs: PlanInputs, area: TargetArea, frame: PlotFrame, views: PlaceViews, zones: NoFlyZones
+) -> Candidates:
+    """The positions that sites are chosen from.
+
+    Raises
+    ------
+    InfeasibleError
+        If no photo shows the whole area, or there are no candidates or too many.
+    """
+    low, high = area.bounds_m(inputs.heading_deg)
+    footprint = np.array(inputs.footprint_m)
+    if (high - low >= footprint).any():
+        along, across = (high - low).tolist()
+        raise InfeasibleError(
+            f"no photo shows the whole target area: a photo shows {footprint[0]:.4g} x "
+            f"{footprint[1]:.4g} m, along and across the heading, and the area is {along:.4g} x "
+            f"{across:.4g} m",
+            "fly higher, give a smaller area (--around-radius), or use a wider camera",
+        )
+    first, last = high - 0.5 * footprint, low + 0.5 * footprint
+    reason = "every photo shows the whole target area"
+    widest = inputs.bounds.max_aperture_m
+    if widest is not None and (last - first > widest).any():
+        middle = 0.5 * (low + high)
+        first = np.maximum(first, middle - 0.5 * widest)
+        last = np.minimum(last, middle + 0.5 * widest)
+        reason = f"the grid is at most --max-aperture {widest:g} wide"
+    step = _step_m(inputs, last - first)
+    counts = np.floor(last / step + 1e-9) - np.ceil(first / step - 1e-9) + 1.0
+    x, y = (
+        math.ceil(start / step - 1e-9) + np.arange(max(int(count), 0))
+        for start, count in zip(first.tolist(), counts.tolist(), strict=True)
+    )
+    places = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))]).astype(np.int64)
+    sine, cosine = heading_axis(inputs.heading_deg)
+    points = step * places @ np.array([[sine, cosine], [cosine, -sine]])
+    stays = views.stays_on_plot(frame.onto_plot(points))
+    if not stays.all():
+        reason = "beyond these positions, rays to the target area leave the point cloud"
+    kept = stays & ~zones.inside(points) if zones else stays
+    if not kept.any():
+        raise InfeasibleError(
+            "from every position, rays to the target area leave the point cloud or the position "
+            "is in a no-fly zone",
+            "give a larger point cloud, a smaller area, or a place nearer to its middle",
+        )
+    return Candidates(places[kept], step, points[kept], reason)
+
+
+def _step_m(inputs: PlanInputs, size_m: Floats) -> float:
+    """Spacing of the candidates: the requested one, or the smallest whole number of half metres
+    that gives few enough.
+    """
+    asked = inputs.bounds.baseline_m
+
+    def count(step_m: float) -> float:
+        return float(np.prod(np.floor(size_m / step_m) + 1.0))
+
+    step_m = STEP_M if asked is None else asked
+    while count(step_m) > MOST_CANDIDATES:
+        step_m += 0.5
+    if asked is not None and step_m > asked:
+        raise InfeasibleError(
+            f"--baseline {asked:g} gives {count(asked):.0f} candidate positions, more than "
+            f"{MOST_CANDIDATES}",
+            f"--baseline {step_m:g} gives few enough, or give a smaller --max-aperture",
+        )
+    return step_m

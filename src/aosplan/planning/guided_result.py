@@ -1,0 +1,122 @@
+"""How guided positions were chosen, and plain grids within the same time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from aosplan.flight.track import FlightPoints
+    from aosplan.models.model import Prediction
+
+CHOSEN_WITH, PREDICTED_WITH = "first half of the pulses", "second half of the pulses"
+
+
+class PlainFlight(NamedTuple):
+    """A grid at the same place, within the time of the request or of the guided positions.
+
+    Attributes
+    ----------
+    kind, trigger
+        ``lanes`` or ``line``, with photos at stops or while flying.
+    rows, columns, pitch_m
+        The grid; its pitch is along the heading and across it.
+    time_s
+        Time from take-off to landing.
+    prediction, least_expected, unseen_share
+        Prediction with the second half of the pulses; V if there is dense foliage wherever no pulse
+        has passed; share of the place that no photo sees.
+    """
+
+    kind: str
+    trigger: str
+    rows: int
+    columns: int
+    pitch_m: tuple[float, float]
+    time_s: float
+    prediction: Prediction
+    least_expected: float
+    unseen_share: float
+
+    @property
+    def samples(self) -> int:
+        """Number of photos."""
+        return self.rows * self.columns
+
+    def document(self) -> dict[str, Any]:
+        """The grid as plain values."""
+        return {
+            "kind": self.kind,
+            "trigger": self.trigger,
+            "rows": self.rows,
+            "columns": self.columns,
+            "pitch_m": list(self.pitch_m),
+            "samples": self.samples,
+            "time_s": self.time_s,
+            "density": self.prediction.density,
+            "expected": self.prediction.expected,
+            "normalized": self.prediction.normalized,
+            "least_expected": self.least_expected,
+            "unseen_share": self.unseen_share,
+        }
+
+
+class GuidedResult(NamedTuple):
+    """How guided positions were chosen.
+
+    Attributes
+    ----------
+    sites
+        The positions in flight order, with the points at which no-fly zones are passed.
+    target_area_m2, targets, target_pitch_m
+        The target area, and its targets.
+    candidates, step_m, reach_m
+        Number and spacing of the candidate positions, and their extent along the heading and across
+        it.
+    reason
+        What limits the candidates.
+    pulses
+        Number of pulses of both halves.
+    chosen_expected
+        V by the half of the pulses that the positions were chosen with.
+    least_expected
+        V by the other half if there is dense foliage wherever no pulse has passed.
+    unseen_share
+        Share of the place that no photo sees, by the other half.
+    one_photo
+        Visibility of one photo from above the middle of the place, by the other half.
+    plain
+        The best grid of each kind within the same time, the best one first.
+    """
+
+    sites: FlightPoints
+    target_area_m2: float
+    targets: int
+    target_pitch_m: float
+    candidates: int
+    step_m: float
+    reach_m: tuple[float, float]
+    reason: str
+    pulses: int
+    chosen_expected: float
+    least_expected: float
+    unseen_share: float
+    one_photo: float
+    plain: tuple[PlainFlight, ...]
+
+    def document(self) -> dict[str, Any]:
+        """``guided`` of a plan's JSON document."""
+        return {
+            "chosen_with": CHOSEN_WITH,
+            "predicted_with": PREDICTED_WITH,
+            "pulses": self.pulses,
+            "target_area_m2": self.target_area_m2,
+            "targets": self.targets,
+            "target_pitch_m": self.target_pitch_m,
+            "candidates": self.candidates,
+            "step_m": self.step_m,
+            "reach_m": list(self.reach_m),
+            "chosen_expected": self.chosen_expected,
+            "least_expected": self.least_expected,
+            "unseen_share": self.unseen_share,
+            "plain": [flight.document() for flight in self.plain],
+        }

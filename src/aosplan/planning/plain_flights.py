@@ -1,0 +1,194 @@
+"""Plain grids above a place within the time of guided positions, for comparison.
+
+The grids are lanes and single lines along the heading, on the lattice of the candidates and around
+the middle of the target area, with photos at stops or while flying.  Their rows, columns and
+spacings are chosen with the half of the pulses that the guided positions were chosen with.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import AosplanError
+from aosplan.flight.kinematics import path_of
+from aosplan.flight.track import FlightPoints
+from aosplan.grid.patterns import Pattern
+from aosplan.planning.guided_result import PlainFlight
+from aosplan.planning.options import DEFAULTS
+from aosplan.planning.route import speed_bounds
+from aosplan.planning.sites import Layout, route_of
+from aosplan.planning.within_result import PHOTO_INTERVAL_S
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from aosplan.models.place import PlaceModel
+    from aosplan.planning.guided_candidates import Candidates
+    from aosplan.planning.resolve import PlanInputs
+    from aosplan.planning.route import FlightInputs
+    from aosplan.planning.target_area import TargetArea
+
+    Floats = NDArray[np.float64]
+
+MOST_ROWS = 6
+MOST_STEPS = 8
+"""Largest spacing, in steps of the lattice."""
+
+MOST_SAMPLES = 100
+TRIES = 20
+"""Number of the best grids of a kind that are laid out until one fits into the time."""
+
+
+class _Grid(NamedTuple):
+    """A grid on the lattice: rows, columns, and steps along and across."""
+
+    rows: int
+    columns: int
+    along: int
+    across: int
+
+    @property
+    def pattern(self) -> Pattern:
+        return Pattern(self.rows, self.columns, self.across / self.along)
+
+
+def plain_flights(
+    inputs: PlanInputs,
+    area: TargetArea,
+    candidates: Candidates,
+    joint: Floats,
+    longest_s: float,
+    model: PlaceModel,
+    dense: PlaceModel,
+) -> tuple[PlainFlight, ...]:
+    """The best grid of each kind that takes no longer, the best one first.
+
+    Parameters
+    ----------
+    inputs
+        The inputs of the plan.
+    area
+        The target area.
+    candidates
+        The lattice of positions.
+    joint
+        J of the candidates, by the half of the pulses that is chosen with.
+    longest_s
+        Time from take-off to landing.
+    model, dense
+        Predictions by the other half, and with dense foliage wherever no pulse has passed.
+    """
+    low, high = area.bounds_m(inputs.heading_deg)
+    middle = 0.5 * (low + high) / candidates.step_m
+    grids = [
+        (1.0 - float(joint[np.ix_(sites, sites)].mean()), grid, sites)
+        for grid, sites in _grids(candidates, middle)
+    ]
+    found = []
+    for trigger in ("stop", "distance"):
+        flown = inputs._replace(flight=_triggered(inputs, trigger))
+        for kind in ("lanes", "line"):
+            chosen = _best(
+                flown,
+                area.origin,
+                candidates,
+                [each for each in grids if (each[1].rows == 1) == (kind == "line")],
+                longest_s,
+            )
+            if chosen is not None:
+                grid, sites, time_s = chosen
+                points = candidates.points_m[sites]
+                found.append(
+                    PlainFlight(
+                        kind,
+                        trigger,
+                        grid.rows,
+                        grid.columns,
+                        (grid.along * candidates.step_m, grid.across * candidates.step_m),
+                        time_s,
+                        model.predict_positions(points),
+                        dense.predict_positions(points).expected,
+                        model.unseen_share(points),
+                    )
+                )
+    return tuple(sorted(found, key=lambda each: -each.prediction.expected))
+
+
+def _triggered(inputs: PlanInputs, trigger: str) -> FlightInputs:
+    """How grids are flown with a trigger."""
+    flight = inputs.flight
+    if trigger == flight.trigger:
+        return flight
+    blur = DEFAULTS["max_blur"], DEFAULTS["exposure_time"]
+    return flight._replace(
+        trigger=trigger,
+        photo_interval_s=flight.photo_interval_s or PHOTO_INTERVAL_S,
+        speed_bounds=speed_bounds(flight.drone, blur, inputs.camera.gsd_m(inputs.altitude_m)),
+    )
+
+
+def _grids(candidates: Candidates, middle: Floats) -> Iterator[tuple[_Grid, NDArray[np.intp]]]:
+    """All grids around the middle, with the indices of their sites in flight order."""
+    low = candidates.places.min(axis=0)
+    columns, rows = (np.ptp(candidates.places, axis=0) + 1).tolist()
+    index = np.full((rows, columns), -1, dtype=np.intp)
+    x, y = (candidates.places - low).T
+    index[y, x] = np.arange(len(x))
+
+    def along(count: int, step: int, most: int, centre: float) -> NDArray[np.intp] | None:
+        first = round(centre - 0.5 * step * (count - 1))
+        places = first + step * np.arange(count)
+        return places if first >= 0 and places[-1] < most else None
+
+    x_middle, y_middle = (middle - low).tolist()
+    for across in range(1, MOST_STEPS + 1):
+        for count in range(1, MOST_ROWS + 1):
+            y_places = along(count, across, rows, y_middle)
+            if y_places is None or (count == 1 and across > 1):
+                continue
+            for step in range(1, MOST_STEPS + 1):
+                for number in range(2, MOST_SAMPLES // count + 1):
+                    x_places = along(number, step, columns, x_middle)
+                    if x_places is None:
+                        break
+                    sites = index[np.ix_(y_places, x_places)]
+                    sites[1::2] = sites[1::2, ::-1]
+                    if (sites >= 0).all():
+                        yield _Grid(count, number, step, across), sites.ravel()
+
+
+def _best(
+    inputs: PlanInputs,
+    origin: tuple[float, float],
+    candidates: Candidates,
+    grids: list[tuple[float, _Grid, NDArray[np.intp]]],
+    longest_s: float,
+) -> tuple[_Grid, NDArray[np.intp], float] | None:
+    """The grid with the highest visibility whose flights take no longer; None if there is none."""
+    timing = inputs.flight.timing(inputs.heading_deg)
+
+    def path_s(grid: _Grid) -> float:
+        return path_of(grid.pattern, timing).time_s(grid.along * candidates.step_m, timing)
+
+    # The ways from the take-off and back take about the same time for all grids of a kind.
+    ways_s, tried = 0.0, 0
+    for _, grid, sites in sorted(grids, key=lambda each: -each[0]):
+        if path_s(grid) + ways_s > longest_s:
+            continue
+        tried += 1
+        if tried > TRIES:
+            return None
+        east, north = candidates.points_m[sites].T.tolist()
+        layout = Layout(FlightPoints(east, north, [True] * len(east)), origin)
+        try:
+            time_s = route_of(inputs, layout, grid.along * candidates.step_m).total_time_s
+        except AosplanError:  # a line that needs too long a run-in, or a battery that is too small
+            continue
+        if time_s <= longest_s * (1.0 + 1e-9):
+            return grid, sites, time_s
+        ways_s = 0.9 * (time_s - path_s(grid))
+    return None

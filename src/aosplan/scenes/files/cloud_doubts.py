@@ -1,0 +1,80 @@
+"""Warnings about a point cloud that was read into voxels."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from aosplan.units import rounded_up
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.scenes.voxels import VoxelVolume
+
+    Warned = tuple[str, str]
+
+SPARSE_POINTS_PER_M2 = 20.0
+SATURATED_OCCUPANCY = 0.98
+FULL_FOOTPRINT = 0.95
+POINTS_A_COLUMN = 1.6
+"""Mean points per voxel column; with fewer, over a fifth of the columns are empty by chance."""
+
+
+def cloud_doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Iterator[Warned]:
+    """Yield warnings about the cloud, for the user."""
+    occupancy = volume.column_occupancy
+    if volume.ground == "filter":
+        message = (
+            "a cloth simulation filter computed the ground, because the points have no classes"
+        )
+        yield "ground_filtered", message
+    if volume.ground == "normalized" and assumed:
+        message = "z is assumed to be the height above ground, because the lowest z are near 0"
+        yield "ground_assumed_normalized", message
+    density = volume.points_per_m2
+    if density < SPARSE_POINTS_PER_M2:
+        message = (
+            f"{density:.3g} points per m² are fewer than {SPARSE_POINTS_PER_M2:g}, so the "
+            "canopy is denser than it seems"
+        )
+        yield "sparse_cloud", message
+    if covered < FULL_FOOTPRINT:
+        message = (
+            f"the points cover {covered:.0%} of their bounding rectangle, and the rest is "
+            f"treated as open ground, so p = {occupancy:.3g}, but "
+            f"{min(occupancy / covered, 1.0):.3g} in the part with points; crop a rectangle "
+            "from the cloud"
+        )
+        yield "partial_plot", message
+    if occupancy == 0.0:
+        message = f"no point is {volume.min_height_m:g} m or more above the ground"
+        yield "no_vegetation", message
+
+
+def opacity_doubts(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
+    """Yield warnings for volumes whose voxels are opaque if they contain a point."""
+    voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
+    if volume.opacity is not None and volume.opacity.reason:
+        message = (
+            "the opacity cannot be computed from the pulses, so each voxel with a point is opaque, "
+            f"and the result depends on --voxel: {volume.opacity.reason}"
+        )
+        yield "opacity_from_voxels", message
+    enough_m = math.sqrt(POINTS_A_COLUMN) * spacing_m
+    if voxel_m < enough_m * (1.0 - 1e-9) and volume.points_per_m2 >= SPARSE_POINTS_PER_M2:
+        points = (voxel_m / spacing_m) ** 2
+        message = (
+            f"columns of {voxel_m:g} m contain {points:.2g} points on average, so "
+            f"{math.exp(-points):.0%} of the columns contain none by chance, and the canopy seems "
+            f"more transparent than it is; give --voxel with {rounded_up(enough_m, 2)} m or more"
+        )
+        yield "voxel_below_spacing", message
+    if occupancy > SATURATED_OCCUPANCY:
+        message = (
+            f"{occupancy:.1%} of the voxel columns contain points, so the density of the "
+            f"canopy cannot be measured; give a --voxel that is smaller than {voxel_m:g} m"
+        )
+        if spacing_m < voxel_m:
+            message += f", of {rounded_up(spacing_m, 2)} m or more for points this dense"
+        yield "saturated", message
