@@ -257,7 +257,7 @@ COMMAND = command(
         text_option(
             "--reciprocal-map",
             "SEEN.tif",
-            "Write a map of how much of the target area each camera position sees.",
+            "Write a map of what each camera position sees.",
             "Output",
         ),
         text_option(

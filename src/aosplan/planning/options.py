@@ -300,7 +300,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("clearance", parse.height, "number", "M",
          "Smallest height above the top of the canopy.  [default]"),
         ("terrain", q.word, "text", "DEM.tif",
-         "Elevation model whose ground the flight follows (GeoTIFF)."),
+         "Elevation model that the flight follows (GeoTIFF)."),
         ("terrain_units", parse.length_unit, "text", "UNIT",
          "Unit of the elevation model's heights, instead of the unit in the file: m, ft, "
          "us-ft."),
