@@ -196,6 +196,7 @@ def plan_document(plan: PlanData) -> dict[str, Any]:
         ),
         **({} if plan.detection is None else {"detection": plan.detection.document()}),
         **({} if plan.within is None else {"within": plan.within.document()}),
+        **({} if plan.guided is None else {"guided": plan.guided.document()}),
         "limits": [limit._asdict() for limit in plan.limits],
         "sensitivity": [change._asdict() for change in plan.sensitivity] or None,
         "warnings": [warning._asdict() for warning in plan.warnings],
