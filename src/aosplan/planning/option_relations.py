@@ -14,7 +14,14 @@ from aosplan.errors import RequestError
 from aosplan.grid.patterns import NARROWEST_TURNS
 from aosplan.models.signatures import SIGNATURES
 from aosplan.planning.option_parsers import PERSON
-from aosplan.planning.options import BY_NAME, DEFAULTS, FIND_OPTIONS, READING, is_guided
+from aosplan.planning.options import (
+    BY_NAME,
+    DEFAULTS,
+    FIND_OPTIONS,
+    NOT_SEARCHED,
+    READING,
+    is_guided,
+)
 from aosplan.solver import refusals
 
 if TYPE_CHECKING:
@@ -139,12 +146,7 @@ NEEDS = (
         "--area",
         "give --area FILE too",
     ),
-    Need(
-        ("around_radius",),
-        ("around", "origin"),
-        "--around",
-        "give --around FILE or --origin LAT,LON too",
-    ),
+    Need(("around_radius",), ("around", "origin"), "--around", "give --around FILE or --origin"),
     Need(("buffer",), ("no_fly",), "--no-fly", "give --no-fly FILE too"),
 )
 """Options that have a meaning only together with another option."""
@@ -237,13 +239,6 @@ BEST = ("visibility", "contrast", "detection")
 
 LEFT_OPEN = ("grid", "heading", "trigger")
 """Options whose values a search chooses if they are not given."""
-
-NOT_SEARCHED = {
-    "resume_at": "a resumed mission already has sites",
-    "line_length": "--within chooses the length of a line",
-    "sensitivity": "the sensitivity is computed only for a given grid",
-}
-"""Options that cannot be combined with a search, and the reason for each."""
 
 
 def check_alternatives(values: Mapping[str, Any]) -> None:
@@ -435,10 +430,8 @@ def default_objective(values: Mapping[str, Any]) -> str:
     If the request has a time but no target, the objective is to achieve the best result within this
     time.
     """
-    if is_guided(values):
-        return "visibility"
     has_target = values["vhat"] is not None or values["visibility"] is not None
-    if values["within"] is None or has_target:
+    if not is_guided(values) and (values["within"] is None or has_target):
         return str(DEFAULTS["optimize"])
     return "visibility" if values["find"] is None else "detection"
 

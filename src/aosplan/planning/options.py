@@ -56,6 +56,13 @@ DEFAULTS: dict[str, Any] = {
 """Default values of options, for single plans and for the columns of a sweep."""
 
 
+NOT_SEARCHED = {
+    "resume_at": "a resumed mission already has sites",
+    "line_length": "--within chooses the length of a line",
+    "sensitivity": "the sensitivity is computed only for a given grid",
+}
+"""Options that cannot be combined with a search, and the reason for each."""
+
 GUIDED = "guided"
 """The kind of grid whose positions are chosen for one place from a point cloud."""
 

@@ -13,7 +13,6 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from aosplan.grid.patterns import Scattered
 from aosplan.grid.spiral import Spiral
 from aosplan.show.text.detection_rows import detection_rows, map_rows
 from aosplan.show.text.flight_rows import flight_rows
@@ -180,8 +179,8 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         yield "Visibility", "V = 100 %, because nothing is hidden"
     if plan.detection is not None:
         yield from detection_rows(plan)
-    yield from () if plan.within is None else within_rows(plan.within)
-    yield from () if plan.guided is None else guided_rows(plan.guided)
+    yield from (() if plan.within is None else within_rows(plan.within))
+    yield from (() if plan.guided is None else guided_rows(plan.guided))
     yield "", ""
     yield from _camera_rows(plan)
     for limit in plan.limits:
