@@ -300,11 +300,11 @@ def _short(name: str) -> str:
 
 
 def _shape_text(pattern: AnyPattern, kind: str) -> str:
-    assert not isinstance(pattern, Scattered)  # it has rows of its own
     if isinstance(pattern, Spiral):
         return f"spiral, turns {pattern.turn_pitch:g} baselines apart"
     text = f"{kind} grid of {pattern.rows} x {pattern.columns}"
-    return f"{text} without {len(pattern.removed)} sites" if pattern.removed else text
+    removed = getattr(pattern, "removed", ())
+    return f"{text} without {len(removed)} sites" if removed else text
 
 
 def _next_step(plan: Plan, written: Sequence[str]) -> str:
