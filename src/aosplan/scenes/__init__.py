@@ -16,6 +16,8 @@
 - `aosplan.scenes.files`: the readers of scene files.
 - `aosplan.scenes.density`: Eq. 1 of the paper and its inverse.
 - `aosplan.scenes.opacity`: how the opacity of a stand was found.
+- `aosplan.scenes.packed_columns`: columns of targets as bits, for fast views of voxels.
+- `aosplan.scenes.perspective`: positions at which rays of perspective views meet slices.
 - `aosplan.scenes.plates`: cells that rays meet in slices of plates.
 - `aosplan.scenes.sampled_targets`: occlusion of a sample of the targets.
 """

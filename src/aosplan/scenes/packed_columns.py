@@ -1,13 +1,15 @@
 """Columns of targets below a slice, packed eight to an octet.
 
-Bit i of an octet is the i-th of eight neighbouring columns of targets; it is set if a target there is
-below an occupied voxel.  A packed slice has the octets of every eighth column, from column 0 on.
+Bit i of an octet represents the i-th of eight neighbouring columns of targets.  It is set if the
+target in this column is below an occupied voxel.  A packed slice has the octets of every eighth
+column, from column 0 on.
 
-Rays to one camera converge, so eight neighbouring targets meet eight or fewer neighbouring columns:
-each meets the column next to that of the target before, or the same one.  If k of the targets up to
-target i meet the same column as the target before, target i meets column x + i - k, where x is the
-column of target 0.  This is bit i of the octet from column x - k on.  What eight targets meet is
-therefore an OR of a few octets of the slice, each with the bits of the targets that have the same k.
+Rays to one camera converge, so that eight neighbouring targets meet at most eight neighbouring
+columns.  Each target meets the same column as the target before it, or the next column.  Let x be
+the column that target 0 meets, and let k be the number of targets from 1 to i that meet the same
+column as the target before them.  Target i then meets column x + i - k.  This is bit i of the octet
+from column x - k on.  The result for eight targets is therefore an OR of a few octets of the slice.
+From each octet, only the bits of the targets with the same k are used.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ def packed(plane: NDArray[np.bool_], per_voxel: int, octets: int) -> Octets:
     per_voxel
         Columns of targets below each column of voxels.
     octets
-        Number of octets; the columns begin again beyond the plot.
+        Number of octets.  Beyond the end of the plot, the columns begin again.
 
     Returns
     -------
@@ -46,7 +48,9 @@ def packed(plane: NDArray[np.bool_], per_voxel: int, octets: int) -> Octets:
 
 
 def advanced(octets: Octets, bit: int, following: Octets) -> Octets:
-    """Octets that begin 1 to 7 columns farther; `following` are the octets eight columns farther."""
+    """Octets that begin 1 to 7 columns later.  `following` are the octets that begin eight columns
+    later.
+    """
     moved = octets >> np.uint8(bit)
     # A multiplication is as fast as the other operations on octets; a shift to the left is slower.
     moved |= following * np.uint8(1 << (8 - bit))
@@ -54,7 +58,7 @@ def advanced(octets: Octets, bit: int, following: Octets) -> Octets:
 
 
 def from_each_column(octets: Octets) -> Octets:
-    """The octets from each column on, shape (8 octets - 8, rows), of a packed slice."""
+    """The octets of a packed slice that begin at each column, shape (8 octets - 8, rows)."""
     first, following = octets[:-1], octets[1:]
     found = np.empty((8 * len(first), octets.shape[1]), dtype=np.uint8)
     found[0::8] = first
@@ -64,7 +68,7 @@ def from_each_column(octets: Octets) -> Octets:
 
 
 class MetColumns(NamedTuple):
-    """Columns that the rays from targets to cameras meet in some slices.
+    """Columns that the rays from targets to cameras meet in the given slices.
 
     Attributes
     ----------
@@ -73,7 +77,7 @@ class MetColumns(NamedTuple):
     bits
         Shape (choices, slices, cameras, width, 1): the bits of these octets that count.
     needed
-        For each slice and camera, the choices that have such bits.
+        For each slice and camera, the choices that have bits that count.
     """
 
     columns: NDArray[np.intp]
@@ -84,7 +88,8 @@ class MetColumns(NamedTuple):
     def of(
         cls, met: NDArray[np.intp], plot: int, beside: NDArray[np.intp] | None = None
     ) -> MetColumns:
-        """The columns that targets meet, and second ones beside them that some targets meet.
+        """The columns that targets meet, including the second columns of targets that meet two
+        neighbouring columns.
 
         Parameters
         ----------
@@ -94,8 +99,8 @@ class MetColumns(NamedTuple):
         plot
             Number of columns of targets of the periodic plot.
         beside
-            Of the same shape: distance of a target's second column from the first; 0 if it meets
-            one only.
+            Array of the same shape: distance between the first and the second column of a target; 0
+            if the target meets only one column.
         """
         eights = met.reshape(*met.shape[:2], -1, 8)
         first = eights[..., 0]
@@ -114,12 +119,12 @@ class MetColumns(NamedTuple):
         return cls(np.stack(columns) % plot, found[..., np.newaxis], needed)
 
     def hidden(self, octets: Octets, level: int) -> list[Octets]:
-        """Targets below a slice, for each camera, shape (width, rows).
+        """Mask of the targets that a slice hides, for each camera, shape (width, rows).
 
         Parameters
         ----------
         octets
-            Those from each column of the slice on.
+            Octets that begin at each column of the slice (`from_each_column`).
         level
             Index of the slice.
         """

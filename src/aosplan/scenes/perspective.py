@@ -1,4 +1,4 @@
-"""Where the rays of perspective views meet slices, along one axis of a plot."""
+"""Positions along one axis of a plot at which the rays of perspective views meet slices."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Axis(NamedTuple):
-    """Targets and cameras along one axis, with distances in targets.
+    """Targets and cameras along one axis.  The unit of all distances is the spacing of targets.
 
     Attributes
     ----------
@@ -36,13 +36,15 @@ class Axis(NamedTuple):
     def along(
         cls, camera_m: Floats, pitch_m: float, altitude_m: float, plot: int, first: int, count: int
     ) -> Axis:
-        """An axis of `count` targets from `first` on, which are `pitch_m` apart."""
+        """An axis of `count` targets that are `pitch_m` apart, beginning with the target
+        `first`.
+        """
         target = np.arange(first, first + count, dtype=np.float64) + (0.5 - 0.5 * plot)
         return cls(target, camera_m[:, np.newaxis] / pitch_m, plot, altitude_m / pitch_m)
 
     @property
     def size(self) -> int:
-        """Number of rays: the targets for each camera."""
+        """Number of rays: number of cameras times number of targets."""
         return self.target.size * self.camera.size
 
     @property
@@ -56,7 +58,8 @@ class Axis(NamedTuple):
         return self.camera[:, 0] / self.altitude
 
     def met(self, heights: Floats) -> NDArray[np.intp]:
-        """Columns of targets in which rays are at some heights, shape (heights, cameras, count).
+        """Columns of targets above which the rays are at the given heights, shape (heights,
+        cameras, count).
 
         Parameters
         ----------
@@ -66,7 +69,8 @@ class Axis(NamedTuple):
         Returns
         -------
         ndarray
-            Columns from 0 on within the plot, and negative or higher ones beyond its ends.
+            Columns count from 0 within the plot.  Beyond its ends, they are negative or at least
+            `plot`.
         """
         height = heights[:, np.newaxis, np.newaxis]
         place = self.target * (1.0 - height) + (self.camera * height + 0.5 * self.plot)
