@@ -9,4 +9,5 @@
 - `aosplan.maps.coverage_map`: the coverage of a flight, its gaps, and the sites that close the
   gaps.
 - `aosplan.maps.geotiff`: writes rasters as files.
+- `aosplan.maps.reciprocal_map`: maps of camera positions by the share of a target area that they see.
 """

@@ -24,4 +24,5 @@
 - `aosplan.models.area_rays`: slanted rays to all targets of an area.
 - `aosplan.models.crown_clutter`: clutter from whole crowns.
 - `aosplan.models.signatures`: named targets and their radiances.
+- `aosplan.models.place`: the targets of one place that cameras see through a stand of voxels.
 """

@@ -20,4 +20,5 @@
 - `aosplan.scenes.perspective`: positions at which rays of perspective views meet slices.
 - `aosplan.scenes.plates`: cells that rays meet in slices of plates.
 - `aosplan.scenes.sampled_targets`: occlusion of a sample of the targets.
+- `aosplan.scenes.plot_frame`: conversion of positions to the axes of a plot with a location.
 """

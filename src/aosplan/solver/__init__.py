@@ -9,4 +9,5 @@
 - `aosplan.solver.solution`: the solution, and the limits that determined it.
 - `aosplan.solver.refusals`: the text of errors for targets that cannot be met.
 - `aosplan.solver.tradeoff`: cost and benefit by number of samples.
+- `aosplan.solver.guided_sites`: sites with the highest integral visibility of one place.
 """

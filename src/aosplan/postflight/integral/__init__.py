@@ -23,4 +23,6 @@
 - `aosplan.postflight.integral.integral_warnings`: warnings about an integral image.
 
 Pixel coordinates start at the outer corner of the first pixel, whose centre is (0.5, 0.5).
+- `aosplan.postflight.integral.photo_choice`: the photos of a folder that are taken from about the same
+  height.
 """

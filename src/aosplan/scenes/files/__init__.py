@@ -14,4 +14,5 @@
 - `aosplan.scenes.files.outliers`: warnings about points that are far from all others.
 - `aosplan.scenes.files.spool`: temporary storage of points.
 - `aosplan.scenes.files.tiles`: checks that the files of one point cloud belong together.
+- `aosplan.scenes.files.cloud_doubts`: warnings about a point cloud that was read into voxels.
 """
