@@ -21,8 +21,8 @@
 - `aosplan.postflight.integral.distance_scan`: the distance of the ground if heights are not known.
 - `aosplan.postflight.integral.surface`: focal surfaces from elevation models.
 - `aosplan.postflight.integral.integral_warnings`: warnings about an integral image.
-
-Pixel coordinates start at the outer corner of the first pixel, whose centre is (0.5, 0.5).
 - `aosplan.postflight.integral.photo_choice`: the photos of a folder that are taken from about the same
   height.
+
+Pixel coordinates start at the outer corner of the first pixel, whose centre is (0.5, 0.5).
 """
