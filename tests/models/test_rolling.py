@@ -60,7 +60,7 @@ def test_a_camera_that_is_too_slow_spreads_its_photos():
 
 def test_a_line_shorter_than_its_integral_is_an_error():
     with pytest.raises(
-        RequestError, match="shorter than one integral, 50 photos over 137"
+        RequestError, match="shorter than an integral, which needs 50 photos over 137"
     ) as caught:
         aosplan.plan(PlanRequest(**LONG_LINE, line_length=100))
     length = float(caught.value.hint.split()[1])

@@ -411,7 +411,7 @@ def test_a_view_of_nothing_is_counted_as_blind(tmp_path, k1):
     recording = Recording(*write_colmap(tmp_path, views, [photo(*views[0])] * 2, [camera]))
     raster = recording.raster((-3, -3, 3, 3), 0.3)
     assert recording.integrate(ViewSubset(), raster).blind == 1
-    with pytest.raises(RequestError, match="none of the 1 views"):
+    with pytest.raises(RequestError, match="none of the 1 photos"):
         recording.integrate(ViewSubset(views="2"), raster)
 
 

@@ -160,7 +160,9 @@ def test_wide_plots_have_larger_voxels_and_say_so(wide, monkeypatch):
     monkeypatch.setattr(point_cloud, "USUAL_VOXELS", 1_830_000)
     enlarged = read_voxels(wide)
     assert enlarged.voxel_m == 0.4
-    assert "voxels of 0.4 m instead of 0.25 m" in dict(enlarged.warnings)["voxels_enlarged"]
+    assert (
+        "voxels of 0.4 m are used instead of 0.25 m" in dict(enlarged.warnings)["voxels_enlarged"]
+    )
     assert "voxels_enlarged" not in dict(read_voxels(wide, voxel_m=0.3).warnings)
     monkeypatch.setattr(point_cloud, "USUAL_VOXELS", 100)
     assert read_voxels(wide).voxel_m == 0.25  # The user has to give sizes above 0.5 m.

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from approved.make import shown
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from reference import exact
 
 import aosplan
 from aosplan.cli.app import run
@@ -98,11 +99,36 @@ def test_the_stand_has_the_density_of_the_paper(figure_of):
 def test_averaged_patterns_have_the_visibility_of_eq_2(figure_of, number):
     found = figure_of(number)
     points = found.where(part="point") if number == "3" else found.where()
+    count = len(points["d_px"])
+    densities = points["p"] if number == "3" else [0.25] * count
+    samples = points["N"] if number == "3" else [100] * count
+    for p, n, d_px, v in zip(densities, samples, points["d_px"], points["V"], strict=True):
+        side = math.isqrt(n)
+        k = exact.grid_shortfall(side, side, d_px / 5.0)
+        assert v == pytest.approx(float(exact.visibility(p, k)), rel=1e-9)
     away = (np.array(points["V_simulated"]) - points["V"]) / points["standard_error"]
     # The errors are estimated from 16 patterns. The standardised errors have a Student's t
     # distribution with 15 degrees of freedom, whose variance is 15/13. At disparity 0, V is equal
     # for all N, so that there are fewer points.
     assert np.mean(away**2) < 15 / 13 + 4 * math.sqrt(3.1 / (len(away) / 2))
+    if number == "3":  # a model that is wrong by a fiftieth is found
+        wrong = away + 0.02 * np.array(points["V"]) / points["standard_error"]
+        assert abs(wrong.mean()) > 8 * math.sqrt(15 / 13 / len(away))
+
+
+@pytest.mark.slow
+def test_more_samples_and_wider_grids_are_never_much_worse(figure_of):
+    found = figure_of("8").where()
+    cells = dict(zip(zip(found["N"], found["b_m"], strict=True), found["vhat"], strict=True))
+    for (n, b), vhat in cells.items():
+        assert all(cells[m, c] >= vhat - 0.02 for m, c in cells if m >= n and c >= b)
+
+
+@pytest.mark.slow
+def test_the_similarity_to_all_images_increases_with_the_aperture_to_one(figure_of):
+    found = figure_of("10").where(views="all, 2 m apart")
+    assert min(np.diff(found["ssim"])) > -0.01
+    assert found["ssim"][-1] == pytest.approx(1.0)
 
 
 @pytest.mark.slow

@@ -302,7 +302,7 @@ def test_a_single_view_shows_what_one_photo_shows():
     [
         ({}, Settings(forest="cloud"), "voxels of a point cloud"),
         ({"samples": 20_000, "baseline": 0.01}, Settings(), "20000 samples"),
-        ({"baseline": 60.0, "samples": 9}, Settings(), "no ground is seen by all samples"),
+        ({"baseline": 60.0, "samples": 9}, Settings(), "no ground is in all photos"),
         ({"baseline": 70.0, "samples": 9}, Settings(view="telecentric"), "49 degrees off nadir"),
         (
             {"density": 1e-5, "occluder_size": 0.001, "samples": 9, "baseline": 9.0},

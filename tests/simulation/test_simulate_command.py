@@ -115,7 +115,7 @@ REFUSED = [
     (("--picture", "a.jpg"), "'a.jpg' does not end in .png"),
     (("--picture", "none/a.png"), "there is no folder 'none'"),
     (("--picture", "a.png", "--occlusion-map", "./a.png"), "given twice"),
-    (("--baseline", "60"), "no ground is seen by all samples"),
+    (("--baseline", "60"), "no ground is in all photos"),
     (("--samples", "20000", "--baseline", "0.01"), "20000 samples"),
     (("--hold-error", "0.5"), "--hold-error 0.5"),
     (("--rays", "oblique"), "--rays oblique"),

@@ -228,7 +228,7 @@ def test_what_no_sweep_wrote_is_left_alone(campaign, tmp_path, capsys, force):
         ("none/r/", [], ["no folder", "none"]),
         ("campaign.toml/", [], ["is a file"]),
         ("r/", ["--best", "samples"], ["--best", "best.parquet"]),
-        ("results", [], ["does not have one of the extensions", "results/ is a folder"]),
+        ("results", [], ["does not have one of the extensions", "for a folder of Parquet files"]),
     ],
 )
 def test_wrong_folders_are_errors(campaign, tmp_path, capsys, out, arguments, words):

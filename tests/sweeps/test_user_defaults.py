@@ -121,7 +121,7 @@ def test_every_row_of_a_crossing_is_the_request_that_plan_would_make(row):
 def test_defaults_that_go_with_some_rows_of_a_crossing_are_refused():
     crossing = ScenarioProduct({"grid": column_of(["trimmed", "lanes"])})
     with pytest.raises(
-        RequestError, match=r"'d.toml': lanes cannot be combined with every grid"
+        RequestError, match=r"'d.toml': lanes cannot be combined with all values of grid"
     ) as caught:
         with_defaults(crossing, OWN, "d.toml")
     assert "--defaults none" in caught.value.hint

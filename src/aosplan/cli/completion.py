@@ -101,7 +101,7 @@ VALUES = {
     "forest": Values(_of("simulation.compare", "FORESTS")),
     "occluders": Values(_of("simulation.compare", "OCCLUDERS")),
     "format": Values(_formats),
-    "grid": Values(_of("grid.patterns", "GRIDS", "best")),
+    "grid": Values(_of("grid.patterns", "GRIDS", "guided", "best")),
     "ground": Values(_of("planning.option_parsers", "GROUND")),
     "heading": Values(lambda: ("auto", "best")),
     "images": Values(endings=("/",)),

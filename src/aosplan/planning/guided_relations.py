@@ -14,12 +14,17 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 NOT_GUIDED: tuple[tuple[str, tuple[Any, ...], str], ...] = (
+    (
+        "find",
+        (),
+        "in simulations, guided positions did not always find more targets, so that neither --find "
+        "nor --optimize detection is possible",
+    ),
     ("optimize", ("visibility",), "the positions are chosen for the visibility of the place"),
     ("trigger", ("stop",), "the positions are not on lines that can be flown through"),
     ("model", ("measured",), "the positions are chosen with the voxels of the place"),
     ("view", ("perspective",), "all photos show one place, in perspective"),
     ("edges", ("auto", "interior"), "only positions whose rays stay on the plot are used"),
-    ("find", (), "in simulations, guided positions did not always find more targets"),
     ("hold_error", (0.0,), "errors of the position are not part of the choice"),
     ("sensitivity", (), "the sensitivity is that of a grid"),
     ("allow_no_common_ground", (), "every photo shows the whole target area"),

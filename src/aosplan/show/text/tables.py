@@ -239,7 +239,7 @@ def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     if min(common) > 0.0:
         yield "", f"{common[0]:.1f} x {common[1]:.1f} m of it is in all photos"
     else:
-        yield "", "no ground is seen by all samples"
+        yield "", "no ground is in all photos"
     disparity = disparity_document(plan)
     if disparity["pixels"] is not None and plan.guided is None:
         yield (
