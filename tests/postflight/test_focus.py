@@ -274,7 +274,8 @@ def test_one_command_focuses_and_says_what_it_found(command, folder):
     status, out, _ = command("photos", "--focus", "-5..8", "--align", "yaw", "--out", "y.png")
     assert status == 0
     assert "ground at" in out
-    assert "yaw" in out
+    assert "turned by -" in out
+    assert "moved" not in out
 
 
 def test_a_single_height_is_that_of_the_plane(command, folder):

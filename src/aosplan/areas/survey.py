@@ -245,8 +245,8 @@ def _window(pattern: Pattern, baseline_m: float, footprint_m: tuple[float, float
             f"images of {footprint_m[0]:.4g} x {footprint_m[1]:.4g} m are too small for an "
             f"area: a point must be in the photos from all {pattern.samples} sites around "
             f"it, and these sites extend over {x:.4g} x {y:.4g} m",
-            f"--max-aperture {math.floor(most * 100.0) / 100.0:g} makes the grid small "
-            "enough, and may need a lower target; or use a camera with a wider field of view",
+            f"give --max-aperture {math.floor(most * 100.0) / 100.0:g}, which may require "
+            "a lower target, or use a camera with a wider field of view",
         )
     return window
 

@@ -93,9 +93,13 @@ def _focus_lines(focus: dict[str, Any]) -> Iterator[tuple[str, str]]:
         ),
     )
     if focus["aligned_views"]:
+        # With `--align yaw`, the positions are assumed to be exact, so that nothing is moved and the
+        # yaw has no standard deviation.
+        deviation, moved = focus["yaw_deviation_deg"], focus["moved_m"]
         yield (
             "Aligned",
-            f"{focus['aligned_views']} photos: turned by {focus['yaw_offset_deg']:+.2f} ± "
-            f"{focus['yaw_deviation_deg']:.2g} degrees, moved by {focus['moved_m']:.2g} m "
-            "(root mean square)",
+            f"{focus['aligned_views']} photos: turned by {focus['yaw_offset_deg']:+.2f}"
+            + (f" ± {deviation:.2g}" if deviation else "")
+            + " degrees"
+            + (f", moved by {moved:.2g} m (root mean square)" if moved else ""),
         )

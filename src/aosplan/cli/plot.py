@@ -233,7 +233,7 @@ class PlotCommand(PanelCommand):
         return super().parse_args(ctx, args)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the options, and the figures of the paper."""
+        """Add the options to the help text, and a list of the figures to that of ``plot paper``."""
         super().format_options(ctx, formatter)
         if ctx.meta.get(PAPER):
             from aosplan.show.figures.paper.registry import FIGURES

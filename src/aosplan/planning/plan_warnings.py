@@ -254,8 +254,8 @@ def _flying(plan: PlanData) -> Iterator[Message]:
     if route.takeoff_ground_m is not None and flight.takeoff is None:
         yield Message(
             "takeoff_assumed",
-            "heights are relative to the take-off point, which is assumed to be on the "
-            f"ground below the first waypoint, {route.takeoff_ground_m:.1f} m above "
+            "heights are relative to the take-off point; it is assumed to be below the first "
+            f"waypoint, where the ground is {route.takeoff_ground_m:.1f} m above "
             f"{route.datum}; take off there, or give --takeoff LAT,LON",
         )
     highest = plan.altitude_m + plan.inputs.focal_height_m + route.farther_by_m

@@ -124,7 +124,7 @@ def interval_assumed() -> Message:
     """The warning that the interval between photos is assumed."""
     return Message(
         "photo_interval_assumed",
-        "the shortest time between photos is not known; for photos while flying, "
+        "the shortest time between photos is not known; for photos taken in flight, "
         f"{PHOTO_INTERVAL_S:g} s is assumed; give --photo-interval S or --drone NAME",
     )
 

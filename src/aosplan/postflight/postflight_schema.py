@@ -148,7 +148,7 @@ class ViewDocument(OpenDocument):
 
 
 class PosesDocument(OpenDocument):
-    """Poses of a recording in the format of the AOS project, with the additional name `camera`."""
+    """Poses of a recording in the format of the AOS project, with the additional key `camera`."""
 
     images: Annotated[list[ViewDocument], Field(min_length=1)]
     camera: IntrinsicsDocument | None = None

@@ -459,7 +459,7 @@ def _target_area(plan: Plan, view: ViewKind) -> tuple[float, float]:
     if min(along, across) <= 0.0:
         raise RequestError(
             "no ground is in all photos, so there are no targets to simulate",
-            "give --view telecentric, with which each target is below the centre of its own grid",
+            "give --view telecentric, so that each target is below the centre of its own grid",
         )
     return across, along
 

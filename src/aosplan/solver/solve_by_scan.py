@@ -463,8 +463,10 @@ def _highest(scan: Scan) -> Candidate | None:
 
 
 def _best(scan: Scan) -> tuple[Candidate | None, Candidate | None]:
-    """Two candidates: the one with the fewest samples whose visibility or contrast is within the
-    slack of the best, and the best.
+    """Two candidates.
+
+    The first has the fewest samples of those whose visibility or contrast is within the slack of
+    the highest value.  The second has the highest value.
     """
     best = _highest(scan)
     if best is None:

@@ -164,8 +164,8 @@ def _fewest_samples(problem: Problem) -> Solution:
     if not _may_be_dense_enough(problem):
         raise _out_of_reach(problem)
     for frame in _candidate_frames(problem):
-        # The frame has the largest extent that is allowed. The smallest number of its samples is
-        # therefore at a known baseline.
+        # The frame has the largest extent that is allowed. The baseline is therefore known, and only
+        # the number of samples has to be found.
         baseline = problem.widest_m(frame)
         most = min(frame.most, _most_samples(problem))
         if problem.meets(frame.pattern(most), baseline):

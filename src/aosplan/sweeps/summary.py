@@ -144,7 +144,8 @@ class Summary(NamedTuple):
             self.scenarios + other.scenarios,
             self.rows + other.rows,
             _added(self.statuses, other.statuses),
-            # A kind that was dropped cannot be kept later: `MOST_REASONS` kinds precede it.
+            # `MOST_REASONS` kinds precede each kind that is dropped, so that it is dropped from all
+            # later sums too.
             dict(sorted(reasons.items())[:MOST_REASONS]),
             {name: self.columns[name] + other.columns[name] for name in self.columns},
             tuple(

@@ -155,7 +155,7 @@ class VerificationDocument(OpenDocument):
 
     If predictions and simulations of all rows agree, the worst comparison exceeds `expected_worst`
     standard errors with probability 1/2, and `critical` standard errors with probability `level`.
-    Rows are reported to agree if the probability of the worst comparison is at least `level`.
+    Rows agree if the probability of the worst comparison is at least `level`.
     """
 
     seed: int

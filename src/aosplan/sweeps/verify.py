@@ -271,7 +271,7 @@ class Verification(NamedTuple):
 
     @property
     def worst(self) -> Comparison | None:
-        """The comparison with the smallest chance."""
+        """The comparison whose difference is the least likely by chance."""
         return min(
             self.comparisons, key=lambda each: (each.chance, -each.standard_errors), default=None
         )

@@ -443,9 +443,7 @@ class _Search:
         return peak_near(closer, found, best)
 
     def doubt(self, correction: Correction, align: str) -> float:
-        """Standard errors of growth (relative) and rotation [rad] because of errors of the
-        positions.
-        """
+        """Standard errors of growth (relative) and rotation [rad] that errors of the positions cause."""
         if align != "positions":
             return 0.0
         sigma = float(np.sqrt(np.mean(correction.shifts_m**2)))

@@ -82,7 +82,7 @@ def tradeoff_of(plan: Plan) -> TradeoffFigure:
         If there are no occluders.
     """
     rows = plan.tradeoff()
-    # A trade-off needs a problem, and there is one if there are occluders.
+    # Without occluders, `tradeoff` has raised an error. With occluders, there is a problem.
     assert plan.problem is not None
     return TradeoffFigure(
         scene=plan.scene.title or plan.scene.name,

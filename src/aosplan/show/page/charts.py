@@ -129,9 +129,7 @@ def charts_of(plan: Plan) -> list[Chart]:
 
 
 def _most_samples(planned: int) -> int:
-    """Largest number of samples of a chart.  It is twice the number of the plan, unless this would
-    take too long.
-    """
+    """Largest number of samples of a chart.  It is twice the number of samples of the plan, or this number if twice as many would take too long."""
     return max(2 * planned, 8) if planned <= MANY else planned
 
 
