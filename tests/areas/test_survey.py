@@ -445,7 +445,7 @@ def test_images_too_small_for_the_grid_are_an_error_with_a_remedy(file):
     options = {"vhat": 0.98, "camera": "dji-h20t-thermal", "allow_no_common_ground": True}
     with pytest.raises(InfeasibleError, match="too small for an area") as caught:
         planned(path, **options, baseline=2.8)
-    most = float(caught.value.hint.split()[1])
+    most = float(caught.value.hint.split("--max-aperture ")[1].split(",")[0])
     plan = planned(path, **options | {"vhat": 0.97}, max_aperture=most)
     assert plan.layout.survey.covered_share == 1.0
     assert plan.solution.met

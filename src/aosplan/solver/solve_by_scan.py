@@ -463,11 +463,7 @@ def _highest(scan: Scan) -> Candidate | None:
 
 
 def _best(scan: Scan) -> tuple[Candidate | None, Candidate | None]:
-    """Two candidates.
-
-    The first has the fewest samples of those whose visibility or contrast is within the slack of
-    the highest value.  The second has the highest value.
-    """
+    """Candidates with the fewest samples within the slack of the highest value, and with this value."""
     best = _highest(scan)
     if best is None:
         return None, None
