@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from aosplan.errors import InfeasibleError
-from aosplan.numerics import heading_axis
+from aosplan.numerics import heading_axis, turned
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,8 +90,8 @@ def candidates_of(
         for start, count in zip(first.tolist(), counts.tolist(), strict=True)
     )
     places = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))]).astype(np.int64)
-    sine, cosine = heading_axis(inputs.heading_deg)
-    points = step * places @ np.array([[sine, cosine], [cosine, -sine]])
+    axis = heading_axis(inputs.heading_deg)
+    points = np.column_stack(turned(step * places[:, 0], step * places[:, 1], axis))
     stays = views.stays_on_plot(frame.onto_plot(points))
     if not stays.all():
         reason = "beyond these positions, rays to the target area leave the point cloud"

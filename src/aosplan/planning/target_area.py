@@ -9,7 +9,7 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.models.place import Ground
-from aosplan.numerics import heading_axis
+from aosplan.numerics import heading_axis, turned
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,9 +56,9 @@ class TargetArea(NamedTuple):
 
     def bounds_m(self, heading_deg: float) -> tuple[Floats, Floats]:
         """Smallest and largest coordinates along a heading and across it, each of shape (2,)."""
-        sine, cosine = heading_axis(heading_deg)
-        turned = self.corners_m @ np.array([[sine, cosine], [cosine, -sine]])
-        return turned.min(axis=0), turned.max(axis=0)
+        axis = heading_axis(heading_deg)
+        corners = np.column_stack(turned(self.corners_m[:, 0], self.corners_m[:, 1], axis))
+        return corners.min(axis=0), corners.max(axis=0)
 
 
 def target_area_of(inputs: PlanInputs) -> TargetArea:
