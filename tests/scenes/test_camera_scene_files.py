@@ -1,5 +1,6 @@
 """Camera and scene files: valid files are read, and errors give their place."""
 
+import copy
 import json
 import math
 
@@ -214,7 +215,8 @@ def test_what_is_sound_at_first_sight_is_sound_to_pydantic_too(data):
         inner = [table, *table.get("layers", [])[:1], table.get("correlogram", table)]
         place = data.draw(st.sampled_from([part for part in inner if isinstance(part, dict)]))
         names = [*place, *SceneDocument.model_fields, "titel", "schema"]
-        place[data.draw(st.sampled_from(names))] = data.draw(st.sampled_from(MUTANTS))
+        mutant = copy.deepcopy(data.draw(st.sampled_from(MUTANTS)))  # changed by later mutations
+        place[data.draw(st.sampled_from(names))] = mutant
         table = {name: value for name, value in table.items() if value is not None}
         if not isinstance(table.get("layers", []), list):
             break
