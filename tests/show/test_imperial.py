@@ -1,5 +1,6 @@
 """Imperial units in tables."""
 
+import os
 import re
 from fractions import Fraction
 
@@ -8,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.command_line import process
 
+from aosplan.cli.app import run
 from aosplan.show.text.imperial import imperial
 
 
@@ -49,3 +51,28 @@ def test_tables_are_imperial_if_the_environment_says_so(monkeypatch):
         "error: AOSPLAN_UNITS 'furlongs' is neither metric nor imperial"
         in process("plan", "--altitude", "40").stderr.decode()
     )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["plan", "--units", "imperial", "--altitude", "40"],
+        ["scene", "paper-forest", "--units=imperial"],
+    ],
+)
+def test_the_option_for_units_of_tables_is_for_any_command(words, capsys, monkeypatch):
+    monkeypatch.setenv("AOSPLAN_UNITS", "metric")
+    assert run(words) == 0
+    assert " ft" in capsys.readouterr().out
+    assert os.environ["AOSPLAN_UNITS"] == "metric"
+    assert (
+        run([word for word in words if word not in ("--units", "imperial", "--units=imperial")])
+        == 0
+    )
+    assert " ft" not in capsys.readouterr().out
+
+
+def test_units_of_tables_and_of_a_cloud_are_separate(capsys):
+    words = ["plan", "--altitude", "40", "--units", "imperial"]
+    assert run([*words, "--units", "cubit"]) == 2
+    assert "--units 'cubit' is not a known unit of length" in capsys.readouterr().err

@@ -156,8 +156,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
     if given[:1] == ["help"]:
         given = [*given[1:], "--help"]
     _write_what_can_be_shown()
+    units = os.environ.get("AOSPLAN_UNITS")
     try:
         _check_unicode(given)
+        given = _without_table_units(given)
         if "AOSPLAN_COMPLETE" in os.environ:
             from aosplan.cli.completion import answer
 
@@ -196,7 +198,26 @@ def run(arguments: Sequence[str] | None = None) -> int:
             "AOSPLAN_DEBUG=1 prints the traceback",
             1,
         )
+    finally:
+        if os.environ.get("AOSPLAN_UNITS") != units:  # `--units` is for one command.
+            os.environ["AOSPLAN_UNITS"] = units or ""
     return status if isinstance(status, int) else 0
+
+
+def _without_table_units(arguments: Sequence[str]) -> list[str]:
+    """Take ``--units imperial`` and ``--units metric`` out of the arguments of any command.
+
+    These values set the units of tables.  Other values of ``--units`` are the unit of a point
+    cloud or a raster, which the command reads.
+    """
+    rest = list(arguments)
+    for value in ("imperial", "metric"):
+        for words in (["--units", value], [f"--units={value}"]):
+            for place in range(len(rest) - len(words), -1, -1):
+                if rest[place : place + len(words)] == words and "--" not in rest[:place]:
+                    del rest[place : place + len(words)]
+                    os.environ["AOSPLAN_UNITS"] = value
+    return rest
 
 
 def _check_unicode(arguments: Sequence[str]) -> None:

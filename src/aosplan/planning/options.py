@@ -157,7 +157,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("units", parse.length_units, "text", "UNIT",
          "Unit of a point cloud's coordinates or a canopy raster's heights, instead of the "
          "unit in the file: m, ft, us-ft.  If z has another unit than x and y: two units, such "
-         "as us-ft,m."),
+         "as us-ft,m.  With imperial, tables show feet and acres."),
         ("crop", q.word, "text", "WHERE",
          "Point cloud: part to use, as W,S,E,N in its coordinates or in degrees, a GeoJSON "
          "file, or all.  [around --area or --origin]"),
