@@ -28,21 +28,21 @@ if TYPE_CHECKING:
     Whole = NDArray[np.int64]
 
 SHORT = 0.05
-"""If the probability of detection at a place is lower than planned by more than this, the place is
-a gap.
+"""A place is a gap if its probability of detection is lower than the planned one by more than this
+value.
 """
 
 AROUND = 3
 """Side, in cells, of the square over which probabilities are averaged before gaps are found."""
 
 SHARES = (0.5, 0.7, 0.8, 0.9, 0.95)
-"""Shares of the planned photos.  To close the gaps, they are tried in this order until one is
-enough.
+"""Numbers of photos with which the gaps are to be closed, as shares of the number of planned
+photos. They are tried in this order until the photos close the gaps.
 """
 
 NEAR = 0.01
-"""Largest loss of mean detection in the gaps, compared with a flight to all missing sites, that is
-accepted.
+"""Largest accepted loss of the mean probability of detection in the gaps. The loss is the
+difference from a flight to all missing sites.
 """
 
 
@@ -190,8 +190,8 @@ class Coverage:
         points_m
             Positions of the photos, metres east and north, shape (N, 2).
         counted_m
-            Positions that are used to count sites.  For a photo that belongs to a site, it is the
-            position of the site; for other photos, it is that of the photo.
+            Positions that are used to count sites, shape (N, 2). A photo that belongs to a site has
+            the position of that site here. Other photos have their own positions.
         """
         sets = self._sets(points_m)
         detection = self._detection(points_m) if self._predict is not None else None
@@ -210,11 +210,10 @@ class Coverage:
         )
 
     def closing(self, points_m: Floats, counted_m: Floats, missing_m: Floats) -> NDArray[np.intp]:
-        """Indices of a small set of missing sites that closes the gaps as well as all missing sites
-        do.
+        """Choose few of the missing sites that together close the gaps as well as all of them.
 
-        The indices are in increasing order.  Sites are chosen greedily: the next site is that which
-        helps the largest number of places.
+        The result has the indices of these sites in increasing order. Sites are chosen one after
+        the other: the next site is always the one that helps the largest number of places.
         """
         found = self.of(points_m, counted_m)
         gaps = np.flatnonzero(found.gaps)
@@ -228,7 +227,7 @@ class Coverage:
         rows = list(map(self._sets(missing_m).of, gaps.tolist()))
 
         def detected(more_m: Floats) -> float:
-            """Mean probability of detection in the gaps with additional photos at given
+            """Mean probability of detection in the gaps, after additional photos at the given
             positions.
             """
             points = np.vstack([points_m, more_m])
@@ -243,7 +242,9 @@ class Coverage:
         return np.arange(len(missing_m))
 
     def gains(self, found: CoverageMap, missing_m: Floats) -> Whole:
-        """For each site, the number of cells in gaps that a photo at this site helps to close."""
+        """Count, for each missing site, the cells in gaps that a photo at this site would help to
+        close.
+        """
         size_m = self._window_m if self._predict is None else self._plan.inputs.footprint_m
         gaps = self._places[found.gaps]
         sets = photo_sets(gaps, missing_m, size_m, self._plan.heading_deg)
@@ -252,8 +253,8 @@ class Coverage:
 
     @property
     def _needed(self) -> Whole:
-        """Number of photos that each place needs.  It is the planned number, but at most the number
-        that the coverage rule requires.
+        """Number of photos that each place needs: the planned number or the number that the
+        coverage rule requires, whichever is smaller.
         """
         most = np.where(self._clear, 1, self._plan.solution.pattern.samples)
         needed: Whole = np.minimum(self._counts(self._sites), most)
@@ -273,7 +274,7 @@ class Coverage:
         return photo_sets(self._places, points_m, size_m, self._plan.heading_deg)
 
     def _around(self, values: Floats) -> Floats:
-        """Means over the neighbouring cells of the ground, so that noise does not appear as
+        """Average each cell with its neighbours on the ground. Otherwise, noise would appear as
         gaps.
         """
         from scipy.ndimage import uniform_filter
@@ -294,15 +295,14 @@ class Coverage:
 
 
 def covering(rows: list[Whole], wanted: Whole, sites: int) -> NDArray[np.intp]:
-    """A small set of sites with which each place is seen from the number of sites that it needs, if
-    possible.
+    """Choose few sites so that each place is seen from as many sites as it needs, if possible.
 
     Parameters
     ----------
     rows
         For each place, the indices of the sites that see it.
     wanted
-        For each place, the number of sites that it needs.
+        For each place, the number of sites from which it has to be seen.
     sites
         Number of sites.
     """

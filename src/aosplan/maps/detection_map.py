@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 KNOWN_SHARE = 0.99
-"""If the canopy is known for a smaller share of the places, a warning describes the assumption for
+"""If the canopy is known for less than this share of the places, a warning says what is assumed for
 the other places.
 """
 
@@ -49,7 +49,8 @@ class DetectionMap(NamedTuple):
     Attributes
     ----------
     cells
-        The cells of the ground: the area, or all ground that at least one photo shows.
+        The cells of the ground. The ground is the area of the plan, or everything that at least one
+        photo shows.
     ground
         ``area`` or ``footprints``.
     origin
@@ -61,8 +62,8 @@ class DetectionMap(NamedTuple):
     canopy
         The canopy above each cell; None for a scene without a location.
     sweep_width_m
-        Sweep width W of a continuous line: the integral of the probability over the distance from
-        the line; None for other grids.
+        Sweep width W of a continuous line of photos: the integral of the probability of detection
+        over the distance from the line. None for other grids.
     """
 
     cells: GroundCells
@@ -75,14 +76,14 @@ class DetectionMap(NamedTuple):
 
     @property
     def mean(self) -> float:
-        """Mean probability of detection.  It is the probability for a target at a random place of
-        the ground.
+        """Mean probability of detection, which is the probability that a target at a random place
+        is found.
         """
         return float(self.probability[self.cells.inside_rows].mean())
 
     def document(self, success: SearchSuccess | None = None) -> dict[str, Any]:
-        """The map as plain values, ``detection.map`` in a plan's JSON document.  The values of
-        `success` are added.
+        """The map as plain values: ``detection.map`` in a plan's JSON document, with the values of
+        `success`.
         """
         looks = self.looks[self.cells.inside_rows]
         return {
@@ -162,8 +163,8 @@ def canopy_over(plan: PlanData, cells: GroundCells) -> LocalCanopy | None:
 
 
 def relative_depth(canopy: LocalCanopy | None) -> Floats | None:
-    """Optical depth of the canopy above places, divided by that of the whole stand; 1 if it is not
-    known.
+    """Optical depth of the canopy above each place, divided by the optical depth of the whole
+    stand; 1 for places without a known canopy.
     """
     if canopy is None or canopy.mean_depth == 0.0:
         return None
@@ -205,7 +206,7 @@ def detection_map(plan: PlanData) -> DetectionMap:
 def _sweep_width_m(
     plan: PlanData, cells: GroundCells, points_m: Floats, probability: Floats
 ) -> float | None:
-    """The integral of the probability over the distance from a line.
+    """Integrate the probability of detection over the distance from the line of photos.
 
     The integral is averaged along the middle part of the line, because fewer photos see the ground
     near the ends.

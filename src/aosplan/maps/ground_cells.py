@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 MOST_CELLS = 20_000
-"""Approximate largest number of cells of a map.  More cells would not be visible."""
+"""Approximate largest number of cells of a map. Smaller cells would not be visible."""
 
 SIDES_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
-"""Allowed sides of a cell."""
+"""Allowed lengths of the sides of a cell."""
 
 
 class GroundCells(NamedTuple):
@@ -63,13 +63,13 @@ class GroundCells(NamedTuple):
         return self.inside.ravel()
 
     def raster(self, values: NDArray[Any]) -> Floats:
-        """Values of all cells as rows of the raster, with nan outside."""
+        """Arrange the values of all cells in rows of the raster, with nan for cells outside."""
         return np.where(self.inside, np.reshape(values, self.inside.shape), np.nan)
 
     def geotiff(
         self, bands: Sequence[NDArray[Any]], names: Sequence[str], origin: tuple[float, float]
     ) -> bytes:
-        """A GeoTIFF with values of all cells, around a latitude and longitude.
+        """A GeoTIFF with values of all cells. `origin` is the latitude and longitude of the origin.
 
         Raises
         ------
@@ -82,7 +82,9 @@ class GroundCells(NamedTuple):
 
 
 def side_m(area_m2: float, narrowest_m: float) -> float:
-    """Side of the cells for an area.  The narrow side of the area is at least a few cells wide."""
+    """Choose the side of the cells for an area, so that its shorter side is at least a few cells
+    wide.
+    """
     wanted = max(math.sqrt(area_m2 / MOST_CELLS), SIDES_M[0])
     fitting = [side for side in SIDES_M if side >= wanted * (1.0 - 1e-9)]
     side = fitting[0] if fitting else wanted
@@ -90,7 +92,9 @@ def side_m(area_m2: float, narrowest_m: float) -> float:
 
 
 def cells_over(shape: Any, cell_m: float) -> GroundCells:
-    """Cells over a shapely geometry, with corners at multiples of the side."""
+    """Cells over a shapely geometry. The coordinates of their corners are multiples of
+    their side.
+    """
     import shapely
 
     west, south, east, north = shapely.bounds(shape).tolist()

@@ -1,9 +1,9 @@
 """Density of the canopy above each place, for a stand with a known location.
 
-A place is seen through the canopy around it.  If photos with a footprint of width F are taken from
-the altitude h, the rays to a place cross the height H within a square of side F H/h.  The share of
-the ground that is hidden from vertically above is therefore averaged over this square.  For H, the
-mean height at which rays end is used.
+Slanted rays to a place cross the canopy around it. If photos with a footprint of width F are taken
+from the altitude h, the rays to a place cross the height H within a square of side F H/h. The
+density above the place is therefore the share of this square that is hidden from vertically above.
+H is the mean height at which vertical rays end in the canopy.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""The photos that see each place on the ground: those whose footprints contain the place."""
+"""The photos that see each place on the ground. A photo sees a place if its footprint contains the
+place.
+"""
 
 from __future__ import annotations
 

@@ -1,16 +1,17 @@
-"""Probability that a target at a place is found, for the photos that see the place and the canopy
-above it.
+"""Probability that a target at a place is found. It depends on the photos that see the place and on
+the canopy above it.
 
-Detection through independent slices depends on the relative positions of the photos and on the
-slices (`aosplan.models.detection`).  Places are grouped by the number, the spread along both axes
-and the mean distance of their photos.  All places of a group get the prediction for the central
-place of the group.  The optical depth of every slice is multiplied by the relative depth of the
-local canopy.  Probabilities are computed for the relative depths in `DEPTHS` and interpolated
+In the model of independent slices (`aosplan.models.detection`), detection depends on the relative
+positions of the photos and on the slices. Places are grouped by the number, the spread along both
+axes and the mean distance of their photos. All places of a group get the prediction for the central
+place of the group. The optical depth of every slice is multiplied by the relative depth of the
+local canopy. Probabilities are computed for the relative depths in `DEPTHS` and interpolated
 between them.
 
-Counting in the voxels of a whole stand takes seconds for one set of photos.  The slices are
-therefore used instead.  Their contrast is scaled once, so that the prediction for the planned grid
-equals the probability that was counted in voxels.
+For scenes with voxels, detection could be counted in the voxels of the stand, but this takes
+seconds for each set of photos. The slices are used instead. Their contrast is scaled once: with the
+scaled contrast, the prediction for the planned grid equals the probability that was counted in
+voxels.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
     Whole = NDArray[np.int64]
 
 STEP = 0.05
-"""Places are grouped if the relative differences of the numbers and spreads of their photos are
-smaller than this.
+"""Largest relative difference of the number and the spread of photos between places in
+one group.
 """
 
 MOST_PREDICTIONS = 500
@@ -47,15 +48,15 @@ DEPTHS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)
 """Optical depths at which detection is predicted, divided by the optical depth of the scene."""
 
 SPREAD_M = 0.5
-"""Length that is added to spreads before they are compared.  It makes differences between small
-spreads unimportant.
+"""Length that is added to spreads before they are compared, because differences between small
+spreads are unimportant.
 """
 
 BISECTIONS = 24
 
 LATTICE_STEPS = 4
-"""Largest number of different steps between neighbouring coordinates of a lattice.  There may be
-several because of rounding and gaps.
+"""Largest number of different steps between neighbouring coordinates of a lattice. Rounding and
+gaps cause more than one step.
 """
 
 
@@ -97,8 +98,8 @@ class PlaceDetection:
         points_m
             Positions of the photos, metres east and north, shape (N, 2).
         depth
-            Optical depth of the canopy above each place, divided by that of the scene.  The default
-            is 1.
+            Optical depth of the canopy above each place, divided by the optical depth of the scene,
+            shape (places,). The default is 1.
         """
         points, places = self._in_axes(points_m), self._in_axes(places_m)
         self._is_lattice = is_lattice(points)
@@ -117,7 +118,7 @@ class PlaceDetection:
         for number in _middle_members(kind, columns).tolist():
             same = kind == kind[number]
             set_m = points[sets.of(int(seen[number]))] - places[seen[number]]
-            # Only depths that some place needs are predicted.
+            # Detection is predicted only for the depths between which a place is interpolated.
             low = float(nodes[lower[number]])
             high = float(nodes[lower[number] + 1])
             below = self._at(low, set_m) if share[same].min() < 1.0 else 0.0
@@ -142,8 +143,8 @@ class PlaceDetection:
         return np.column_stack(found)
 
     def _at(self, depth: float, points_m: Floats) -> float:
-        """Probability of detection with photos, for a canopy with a given relative optical
-        depth.
+        """Probability of detection with photos at the given positions, if the canopy has a relative
+        optical depth.
         """
         return self._model(depth).predict_positions(points_m).probability
 
@@ -168,7 +169,9 @@ class PlaceDetection:
         return along_and_across(points_m, self._plan.heading_deg)
 
     def _counted_contrast(self) -> float:
-        """The contrast with which the slices predict the probability that was counted in voxels."""
+        """Find the contrast with which the slices predict the probability that was counted in
+        voxels.
+        """
         plan, model = self._plan, self._model(1.0)
         assert plan.detection is not None
         signature = self._signature
@@ -196,7 +199,9 @@ def _kinds(columns: Floats, lower: Whole) -> Whole:
 
 
 def _middle_members(kind: Whole, columns: Floats) -> Whole:
-    """For each group, the place whose features are nearest to the mean of the group."""
+    """Find, for each group, the place whose features are nearest to the mean features of
+    the group.
+    """
     counts = np.bincount(kind)
     means = np.column_stack([np.bincount(kind, column) / counts for column in columns.T])
     off = np.abs(columns - means[kind]).sum(axis=1)
@@ -206,8 +211,8 @@ def _middle_members(kind: Whole, columns: Floats) -> Whole:
 
 
 def is_lattice(points_m: Floats) -> bool:
-    """Whether photos are on a lattice along the axes.  In this case, there are few different
-    offsets.
+    """Whether photos are on a lattice along the axes. Photos on a lattice have few different
+    offsets from each other.
     """
     for values in points_m.T:
         steps = np.diff(np.unique(np.round(values, 3)))

@@ -1,4 +1,4 @@
-"""Prior of the target's position: a raster of probabilities, as used by search teams.
+"""Prior of the target's position: a raster of probabilities of the kind that search teams use.
 
 Only the ratios of the raster's values matter, because they are divided by their sum.
 """
@@ -26,14 +26,15 @@ CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
 def success_of(found: DetectionMap, path: str) -> SearchSuccess:
-    """The probability of success of a search, with a prior from a GeoTIFF.
+    """Compute the probability of success of a search, with a prior from a GeoTIFF.
 
     Parameters
     ----------
     found
-        Probability of detection by place.
+        Map of the probability of detection.
     path
-        The prior: one band of values that are at least 0, with a coordinate reference system.
+        Path of the prior: a raster with one band of values that are at least 0, and with a
+        coordinate reference system.
 
     Raises
     ------

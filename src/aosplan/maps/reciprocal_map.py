@@ -1,7 +1,8 @@
-"""Maps of camera positions: how much of a target area each position at flight altitude sees.
+"""Maps that show, for each camera position at flight altitude, how much of a target area it sees.
 
-This is the reciprocal visibility of Nathan, Strand, Shutin and Bimber (2024, arXiv 2402.06991),
-averaged over the target area: the share of its points whose rays to the position meet nothing.
+Such a map shows the reciprocal visibility of Nathan, Strand, Shutin and Bimber (2024, arXiv
+2402.06991), averaged over the target area. Its value at a position is the share of the points of
+the area that have a free line of sight to the position.
 """
 
 from __future__ import annotations
@@ -38,16 +39,17 @@ class ReciprocalMap(NamedTuple):
     Attributes
     ----------
     cells
-        Cells of camera positions; `inside` selects those from which a photo shows the middle of the
-        area, and whose rays from the area stay above the plot.
+        Cells of camera positions. `inside` selects the positions whose photo shows the middle of
+        the area and whose lines of sight to the area stay above the plot.
     origin
         Latitude and longitude of the origin of the cells.
     altitude_m
-        Of the cameras, above the focal plane.
+        Altitude of the cameras above the focal plane.
     target_area_m2, targets
-        The target area, and the number of points in it that are seen or not.
+        Size of the target area, and the number of points in it that are tested.
     transparency
-        Share of these points that each position sees, 0 to 1, shape (cells,); nan outside.
+        Share of these points that each position sees, from 0 to 1, shape (cells,); nan for cells
+        that are not `inside`.
     """
 
     cells: GroundCells
@@ -59,7 +61,9 @@ class ReciprocalMap(NamedTuple):
 
     @property
     def best(self) -> tuple[float, float, float]:
-        """The position that sees most: metres east and north of the origin, and its share."""
+        """The position that sees the largest share of the area: metres east and north of the
+        origin, and the share.
+        """
         index = int(np.nanargmax(self.transparency))
         east, north = self.cells.middles_m[index].tolist()
         return east, north, float(self.transparency[index])
@@ -81,7 +85,7 @@ class ReciprocalMap(NamedTuple):
         }
 
     def geotiff(self) -> bytes:
-        """A GeoTIFF with one band, the mean transparency between position and target area.
+        """A GeoTIFF with one band: the mean transparency between each position and the target area.
 
         Raises
         ------
@@ -135,7 +139,7 @@ def reciprocal_map(plan: PlanData) -> ReciprocalMap:
 
 
 def _cells(middle_m: Floats, reach_m: float) -> GroundCells:
-    """Square cells around a point, one of which has its middle there."""
+    """Square cells around a point. The point is the centre of one of the cells."""
     wanted = max(2.0 * reach_m / math.sqrt(2.0 * MOST_POSITIONS), FINEST_M)
     side = next((side for side in SIDES_M if side >= wanted), wanted)
     count = math.ceil(reach_m / side)

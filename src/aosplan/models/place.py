@@ -1,11 +1,11 @@
-"""What cameras see of one place below a stand whose voxels are known, as shares of its targets.
+"""The share of the targets of one place that cameras see through a stand with known voxels.
 
-Which of the targets a camera does not see follows from the voxels (`aosplan.scenes.occlusion`,
-perspective views).  The share of the targets that a single position sees is its *reciprocal
-visibility* (Nathan, Strand, Shutin and Bimber, 2024, arXiv 2402.06991).  A set of N positions is
-judged by the joint occlusion: with h, the share of the positions that do not see a target, and means
-over the targets, p̄ is the mean of h and the integral visibility is V = 1 - mean of h², as in
-`aosplan.models.measured`.
+The voxels determine which of the targets a camera does not see (perspective views in
+`aosplan.scenes.occlusion`). The share of the targets that a single position sees is its *reciprocal
+visibility* (Nathan, Strand, Shutin and Bimber, 2024, arXiv 2402.06991). A set of N positions is
+judged by its joint occlusion. Let h be the share of the positions that do not see a target. As in
+`aosplan.models.measured`, p̄ is the mean of h over the targets, and the integral visibility is V =
+1 - mean of h².
 """
 
 from __future__ import annotations
@@ -34,21 +34,24 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 MOST_TARGETS = 4096
-"""Approximate largest number of targets of a place; they are spread evenly over it."""
+"""Approximate largest number of targets of a place. The targets are spread evenly over
+the place.
+"""
 
 AT_ONCE = 64
 """Number of cameras whose views are computed at once."""
 
 
 class Ground(NamedTuple):
-    """A part of the ground: the rectangle around it, and which points belong to it.
+    """A part of the ground, given by a rectangle around it and a function that selects its points.
 
     Attributes
     ----------
     low_m, high_m
         Corners of the rectangle along x and y, from the middle of the plot.
     holds
-        Mask of the points, of shape (n, 2) in the same coordinates, that belong to the place.
+        Function that takes points in the same coordinates, shape (n, 2), and returns a mask of the
+        points that belong to the place, shape (n,).
     """
 
     low_m: tuple[float, float]
@@ -57,7 +60,7 @@ class Ground(NamedTuple):
 
 
 class PlaceViews:
-    """Views of the targets of a place, below one volume and from one altitude.
+    """Views of the targets of a place below a volume of voxels. All cameras have the same altitude.
 
     Parameters
     ----------
@@ -126,16 +129,18 @@ class PlaceViews:
         self._rise = max(volume.canopy_top_m - focal_height_m, 0.0) / altitude_m
 
     def hidden(self, positions_m: ArrayLike) -> Mask:
-        """Targets that cameras do not see, shape (N, targets).
+        """Mask of the targets that each camera does not see, shape (N, targets).
 
         Parameters
         ----------
         positions_m
-            Shape (N, 2): positions along x and y from the middle of the plot.
+            Positions of the cameras along x and y, relative to the middle of the plot, shape (N,
+            2).
         """
         positions = np.asarray(positions_m, dtype=np.float64)
         found = np.empty((len(positions), len(self.targets_m)), dtype=np.bool_)
-        # Cameras with the same x share work.
+        # Cameras with the same x are computed together, because they use the same intermediate
+        # results.
         order = np.lexsort((positions[:, 1], positions[:, 0]))
         for start in range(0, len(order), AT_ONCE):
             some = order[start : start + AT_ONCE]
@@ -154,17 +159,20 @@ class PlaceViews:
 
 
 def joint_density(hidden: Mask) -> Floats:
-    """J, the share of targets that both views of each pair do not see, from shape (N, targets)."""
+    """J, the share of targets that are hidden in both views of a pair, for all pairs, shape (N, N).
+    `hidden` has the shape (N, targets).
+    """
     shares = hidden.astype(np.float32)
-    # Counts are whole numbers that single precision represents exactly.
+    # The sums are whole numbers that single precision represents exactly.
     joint: Floats = (shares @ shares.T).astype(np.float64) / hidden.shape[1]
     return joint
 
 
 def prediction_of(hidden: Mask) -> Prediction:
-    """p̄ and the shortfall of views of a place, from shape (N, targets).
+    """p̄ and the shortfall of the views of a place. `hidden` has the shape (N, targets).
 
-    If nothing or everything is hidden, the views count as independent.
+    If all targets are visible in all views, or hidden in all views, the views are treated as
+    independent.
     """
     counts = hidden.sum(axis=0, dtype=np.int64)
     views, targets = hidden.shape
@@ -175,7 +183,7 @@ def prediction_of(hidden: Mask) -> Prediction:
 
 
 class PlaceModel:
-    """The measured model of one place: predictions for cameras at known positions above it.
+    """Predictions for cameras at known positions above one place, by the measured model.
 
     It has the methods of `aosplan.models.model.VisibilityModel`.  Positions are metres east and
     north of the plan's origin.
@@ -192,12 +200,12 @@ class PlaceModel:
 
     @property
     def density(self) -> float:
-        """p of a single photo from above the origin."""
+        """Density p of a single photo that is taken above the origin."""
         return self.predict_positions([(0.0, 0.0)]).density
 
     @property
     def transparency(self) -> float:
-        """1 - p of a single photo from above the origin."""
+        """Transparency 1 - p of a single photo that is taken above the origin."""
         return self.predict_positions([(0.0, 0.0)]).transparency
 
     def at_heading(self, heading_deg: float) -> PlaceModel:
@@ -207,7 +215,7 @@ class PlaceModel:
         return turned
 
     def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
-        """Density and shortfall of a pattern flown at a baseline."""
+        """Density and shortfall of a pattern that is flown with a baseline."""
         return self.predict_positions(
             np.column_stack(local_sites(pattern, baseline_m, self.heading_deg))
         )
@@ -228,7 +236,9 @@ class PlaceModel:
         return float(self._hidden(positions_m).all(axis=0).mean())
 
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Correlation of a sample above the origin and samples at offsets east and north of it."""
+        """Correlation between the sample above the origin and samples at offsets east and north of
+        it.
+        """
         offsets = np.column_stack([np.ravel(x_m), np.ravel(y_m)])
         hidden = self._hidden(np.vstack([np.zeros((1, 2)), offsets])).astype(np.float64)
         first, others = hidden[0], hidden[1:]

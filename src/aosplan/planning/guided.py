@@ -1,18 +1,19 @@
 """Guided positions: sites that are chosen for one place with a point cloud of this place.
 
-The candidates are a lattice of positions from which a photo shows the whole target area, and whose
-rays from it stay above the plot.  The sites are chosen with the voxels of one half of the pulses
-(`aosplan.solver.guided_sites`), and the prediction is made with the voxels of the other half: what a
-choice gains by chance in the half that it was made with is therefore not part of the prediction.
-Both halves have the same blind spots, though: voxels that no pulse has passed.  The choice therefore
-assumes dense foliage in these voxels.
+The candidates are the positions of a lattice whose photo shows the whole target area and whose
+lines of sight to the area stay above the plot. The sites are chosen with the voxels of one half of
+the pulses (`aosplan.solver.guided_sites`). The prediction is made with the voxels of the other
+half. Otherwise, the prediction would be too high, because some of the chosen sites are only good by
+chance in the voxels that they were chosen with. Both halves have some blind spots in common: voxels
+that no pulse has passed. The choice therefore assumes dense foliage in these voxels.
 
-Plain grids that fit into the time of the request, or else into that of the guided positions, are
-chosen and judged with the same halves.  Guided positions are refused if they are not better than the
-best of these, both with this assumption and without it.
+Plain grids are chosen and predicted with the same halves, for comparison. Their longest flight time
+is the time of the request, or else the flight time of the guided positions. Guided positions are
+accepted only if they are better than the best plain grid, both with the assumption of dense foliage
+and without it.
 
-The idea of visibility from the positions' side, and of choosing positions by it, is that of Nathan,
-Strand, Shutin and Bimber (2024, arXiv 2402.06991).
+The idea to compute the visibility of a place from each camera position, and to choose positions by
+it, is from Nathan, Strand, Shutin and Bimber (2024, arXiv 2402.06991).
 """
 
 from __future__ import annotations
@@ -54,17 +55,21 @@ if TYPE_CHECKING:
     Indices = NDArray[np.intp]
 
 SAMPLES = 25
-"""Number of positions if neither the number nor a time is given."""
+"""Number of positions if the request has neither a number of samples nor a time."""
 
 MOST_SAMPLES = 100
-"""Default of the largest number of positions within a time."""
+"""Default for the largest number of positions if the request has a time."""
 
 FEWER = (1.0, 0.8, 0.6, 0.4, 0.25)
-"""Parts of the number of positions that fit into a time, of which the best is chosen."""
+"""Fractions of the largest number of positions that fit into the time. Each of these numbers is
+tried, and the one with the highest visibility is used.
+"""
 
 
 class Tour(NamedTuple):
-    """Chosen candidates in flight order, the points that are flown, and the time of all flights."""
+    """The chosen candidates in flight order, the points of the route, and the total time of all
+    flights.
+    """
 
     order: Indices
     sites: FlightPoints
@@ -72,7 +77,7 @@ class Tour(NamedTuple):
 
 
 def solve_guided(inputs: PlanInputs) -> SolvedPlan:
-    """Choose positions for the target area of a plan, and predict what they show.
+    """Choose positions for the target area of a plan, and predict the visibility from them.
 
     Raises
     ------
@@ -159,12 +164,14 @@ def solve_guided(inputs: PlanInputs) -> SolvedPlan:
 
 
 def _check_better(result: GuidedResult, expected: float) -> None:
-    """Refuse guided positions that are not better than a plain grid of the same time.
+    """Refuse guided positions that are not better than the best plain grid with the same flight
+    time.
 
     Raises
     ------
     InfeasibleError
-        If they are not better by the pulses, or with dense foliage wherever no pulse has passed.
+        If the visibility is not higher than that of the grid, with the opacity from the pulses or
+        with dense foliage wherever no pulse has passed.
     """
     if not result.plain:
         return
@@ -218,7 +225,9 @@ class _Planner:
         self._tours: dict[int, Tour] = {}
 
     def chosen(self) -> Tour:
-        """The best sites: of the requested number, or within the requested time."""
+        """The best sites, either the requested number of them or those that can be flown in the
+        requested time.
+        """
         bounds, within = self._inputs.bounds, self._inputs.within_min
         found = len(self._cells)
         count = bounds.samples
@@ -243,7 +252,7 @@ class _Planner:
         return self._within(60.0 * within, min(found, bounds.max_samples or MOST_SAMPLES))
 
     def _within(self, longest_s: float, most: int) -> Tour:
-        """The sites with the highest visibility that are flown within a time."""
+        """The sites with the highest visibility that can be flown within a time."""
         low, high = 0, most + 1
         while high - low > 1:
             middle = (low + high) // 2
@@ -261,7 +270,7 @@ class _Planner:
         return max(tours, key=lambda tour: visibility(self._joint, tour.order))
 
     def _tour(self, count: int) -> Tour:
-        """The best sites of a number in a short order, and their flights."""
+        """The best `count` sites, in an order with a short path, and the flights to them."""
         if count not in self._tours:
             self._tours[count] = self._ordered(most_visible(self._joint, count))
         return self._tours[count]
@@ -288,7 +297,7 @@ class _Planner:
         return min(tours, key=lambda tour: tour.time_s)
 
     def limits(self, tour: Tour) -> tuple[Limit, ...]:
-        """What determined the sites."""
+        """What determined the number and the choice of the sites."""
         candidates, bounds = self._candidates, self._inputs.bounds
         samples, reach = len(tour.order), max(candidates.reach_m)
         of = f"of {len(self._cells)} candidates {candidates.step_m:g} m apart"

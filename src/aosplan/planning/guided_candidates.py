@@ -25,22 +25,25 @@ STEP_M = 1.0
 """Default spacing of the candidate positions."""
 
 MOST_CANDIDATES = 2500
-"""Largest number of candidates; on a wider lattice the default spacing is larger."""
+"""Largest number of candidates. If the default spacing gives more candidates, a larger spacing is
+used.
+"""
 
 
 class Candidates(NamedTuple):
-    """A lattice of positions along the heading and across it, in steps from the origin.
+    """Candidate positions on a lattice whose axes are along the heading and across it.
 
     Attributes
     ----------
     places
-        Shape (M, 2): whole numbers of steps along the heading and to its right.
+        Positions as whole numbers of steps from the origin, along the heading and to its right,
+        shape (M, 2).
     step_m
         The step.
     points_m
-        Shape (M, 2): the positions, metres east and north of the origin.
+        Positions in metres east and north of the origin, shape (M, 2).
     reason
-        What limits them.
+        What limits the extent of the candidates.
     """
 
     places: NDArray[np.int64]
@@ -58,12 +61,12 @@ class Candidates(NamedTuple):
 def candidates_of(
     inputs: PlanInputs, area: TargetArea, frame: PlotFrame, views: PlaceViews, zones: NoFlyZones
 ) -> Candidates:
-    """The positions that sites are chosen from.
+    """Find the positions from which the sites are chosen.
 
     Raises
     ------
     InfeasibleError
-        If no photo shows the whole area, or there are no candidates or too many.
+        If no photo shows the whole area, if there are no candidates, or if there are too many.
     """
     low, high = area.bounds_m(inputs.heading_deg)
     footprint = np.array(inputs.footprint_m)
@@ -106,8 +109,8 @@ def candidates_of(
 
 
 def _step_m(inputs: PlanInputs, size_m: Floats) -> float:
-    """Spacing of the candidates: the requested one, or the smallest whole number of half metres
-    that gives few enough.
+    """Spacing of the candidates: the requested spacing, or the smallest multiple of half a metre
+    that gives at most `MOST_CANDIDATES`.
     """
     asked = inputs.bounds.baseline_m
 

@@ -29,16 +29,18 @@ NOT_GUIDED: tuple[tuple[str, tuple[Any, ...], str], ...] = (
     ("sensitivity", (), "the sensitivity is that of a grid"),
     ("allow_no_common_ground", (), "every photo shows the whole target area"),
 )
-"""Options that do not go with guided positions, the values that do, and the reason."""
+"""Options that cannot be combined with guided positions, the values that are allowed nevertheless,
+and the reason.
+"""
 
 
 def check_guided(values: Mapping[str, Any]) -> None:
-    """Refuse options that do not go with guided positions.
+    """Refuse options that cannot be combined with guided positions.
 
     Raises
     ------
     RequestError
-        If there is such an option, or no location.
+        If there is such an option, or if the request has no location.
     """
     for name, allowed, reason in NOT_GUIDED:
         value = values[name]

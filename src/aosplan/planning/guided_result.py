@@ -12,19 +12,20 @@ CHOSEN_WITH, PREDICTED_WITH = "first half of the pulses", "second half of the pu
 
 
 class PlainFlight(NamedTuple):
-    """A grid at the same place, within the time of the request or of the guided positions.
+    """A plain grid at the same place, flown in at most the time of the request or of the guided
+    positions.
 
     Attributes
     ----------
     kind, trigger
-        ``lanes`` or ``line``, with photos at stops or while flying.
+        Kind of grid, ``lanes`` or ``line``, and whether photos are taken at stops or while flying.
     rows, columns, pitch_m
-        The grid; its pitch is along the heading and across it.
+        Number of rows and of columns, and the pitch along the heading and across it.
     time_s
         Time from take-off to landing.
     prediction, least_expected, unseen_share
-        Prediction with the second half of the pulses; V if there is dense foliage wherever no pulse
-        has passed; share of the place that no photo sees.
+        Prediction with the second half of the pulses; V with dense foliage wherever no pulse has
+        passed; share of the place that is not visible in any photo.
     """
 
     kind: str
@@ -66,24 +67,23 @@ class GuidedResult(NamedTuple):
     Attributes
     ----------
     sites
-        The positions in flight order, with the points at which no-fly zones are passed.
+        The positions in flight order, with the points at which the route turns around no-fly zones.
     target_area_m2, targets, target_pitch_m
-        The target area, and its targets.
+        Size of the target area, number of its targets, and distance between neighbouring targets.
     candidates, step_m, reach_m
-        Number and spacing of the candidate positions, and their extent along the heading and across
-        it.
+        Number, spacing and extent (along the heading and across it) of the candidate positions.
     reason
-        What limits the candidates.
+        What limits the extent of the candidates.
     pulses
         Number of pulses of both halves.
     chosen_expected
-        V by the half of the pulses that the positions were chosen with.
+        V, predicted with the half of the pulses that the positions were chosen with.
     least_expected
-        V by the other half if there is dense foliage wherever no pulse has passed.
+        V, predicted with the other half and with dense foliage wherever no pulse has passed.
     unseen_share
-        Share of the place that no photo sees, by the other half.
+        Share of the place that is not visible in any photo, predicted with the other half.
     one_photo
-        Visibility of one photo from above the middle of the place, by the other half.
+        Visibility in one photo from above the middle of the place, predicted with the other half.
     plain
         The best grid of each kind within the same time, the best one first.
     """

@@ -13,11 +13,13 @@ if TYPE_CHECKING:
     from aosplan.planning.guided_result import GuidedResult
 
 BY_CHANCE = 0.05
-"""Least difference between V by both halves of the pulses for a warning."""
+"""A warning is given if the values of V from the two halves of the pulses differ by at
+least this.
+"""
 
 
 def guided_warnings(guided: GuidedResult, prediction: Prediction) -> Iterator[Message]:
-    """Yield what the user of guided positions should know."""
+    """Yield warnings for the user of guided positions."""
     if guided.chosen_expected - prediction.expected > BY_CHANCE:
         yield Message(
             "guided_by_chance",

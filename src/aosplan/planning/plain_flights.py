@@ -1,4 +1,5 @@
-"""Plain grids above a place within the time of guided positions, for comparison.
+"""Plain grids that are compared with guided positions: they are above the same place and take at
+most the same time.
 
 The grids are lanes and single lines along the heading, on the lattice of the candidates and around
 the middle of the target area, with photos at stops or while flying.  Their rows, columns and
@@ -36,11 +37,13 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 6
 MOST_STEPS = 8
-"""Largest spacing, in steps of the lattice."""
+"""Largest spacing of a grid, in steps of the lattice."""
 
 MOST_SAMPLES = 100
 TRIES = 20
-"""Number of the best grids of a kind that are laid out until one fits into the time."""
+"""Largest number of grids of a kind whose flight time is computed. The grids are tried in order of
+decreasing visibility until one fits into the time.
+"""
 
 
 class _Grid(NamedTuple):
@@ -65,7 +68,8 @@ def plain_flights(
     model: PlaceModel,
     dense: PlaceModel,
 ) -> tuple[PlainFlight, ...]:
-    """The best grid of each kind that takes no longer, the best one first.
+    """Find the best grid of each kind within a time. The grids are ordered by visibility, the
+    highest first.
 
     Parameters
     ----------
@@ -76,11 +80,12 @@ def plain_flights(
     candidates
         The lattice of positions.
     joint
-        J of the candidates, by the half of the pulses that is chosen with.
+        J of all pairs of candidates, from the half of the pulses with which positions are chosen.
     longest_s
-        Time from take-off to landing.
+        Longest allowed time from take-off to landing.
     model, dense
-        Predictions by the other half, and with dense foliage wherever no pulse has passed.
+        Model from the other half of the pulses, and model with dense foliage wherever no pulse has
+        passed.
     """
     low, high = area.bounds_m(inputs.heading_deg)
     middle = 0.5 * (low + high) / candidates.step_m
@@ -119,7 +124,7 @@ def plain_flights(
 
 
 def _triggered(inputs: PlanInputs, trigger: str) -> FlightInputs:
-    """How grids are flown with a trigger."""
+    """Settings of the flight for photos at stops or while flying."""
     flight = inputs.flight
     if trigger == flight.trigger:
         return flight
@@ -132,7 +137,9 @@ def _triggered(inputs: PlanInputs, trigger: str) -> FlightInputs:
 
 
 def _grids(candidates: Candidates, middle: Floats) -> Iterator[tuple[_Grid, NDArray[np.intp]]]:
-    """All grids around the middle, with the indices of their sites in flight order."""
+    """Yield all grids around the middle of the target area, with the indices of their sites in
+    flight order.
+    """
     low = candidates.places.min(axis=0)
     columns, rows = (np.ptp(candidates.places, axis=0) + 1).tolist()
     index = np.full((rows, columns), -1, dtype=np.intp)
@@ -168,13 +175,16 @@ def _best(
     grids: list[tuple[float, _Grid, NDArray[np.intp]]],
     longest_s: float,
 ) -> tuple[_Grid, NDArray[np.intp], float] | None:
-    """The grid with the highest visibility whose flights take no longer; None if there is none."""
+    """Find the grid with the highest visibility whose flights take at most `longest_s`; None if no
+    grid does.
+    """
     timing = inputs.flight.timing(inputs.heading_deg)
 
     def path_s(grid: _Grid) -> float:
         return path_of(grid.pattern, timing).time_s(grid.along * candidates.step_m, timing)
 
-    # The ways from the take-off and back take about the same time for all grids of a kind.
+    # The paths from the take-off point and back to it take about the same time for all grids of a
+    # kind.
     ways_s, tried = 0.0, 0
     for _, grid, sites in sorted(grids, key=lambda each: -each[0]):
         if path_s(grid) + ways_s > longest_s:

@@ -23,22 +23,23 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 CORNERS = 360
-"""Number of points that represent the rim of a disc."""
+"""Number of corners of the polygon that represents a disc."""
 
 
 class TargetArea(NamedTuple):
-    """Ground that photos are to show, in metres east and north of an origin.
+    """The ground that the photos should show, in metres east and north of an origin.
 
     Attributes
     ----------
     origin
-        Latitude and longitude.
+        Latitude and longitude of the origin.
     corners_m
-        Points of its rim, shape (n, 2).
+        Points of the outline, shape (n, 2).
     area_m2
-        Its area.
+        Size of the area.
     holds
-        Mask of the points, of shape (n, 2), that belong to it.
+        Function that takes points of shape (n, 2) and returns a mask of the points in the area,
+        shape (n,).
     """
 
     origin: tuple[float, float]
@@ -103,7 +104,7 @@ def located_stand(inputs: PlanInputs, what: str) -> VoxelVolume:
     inputs
         The inputs of a plan.
     what
-        What needs them, for messages.
+        The option that needs the voxels, for error messages.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Positions on a plot with a location: from metres east and north to the axes of its voxels.
+"""Conversion of positions between metres east and north and the axes of a plot's voxels.
 
 Rows and columns of a point cloud are along the axes of its coordinate reference system, which may be
 turned by a few degrees from north and east.
@@ -38,12 +38,16 @@ class PlotFrame(NamedTuple):
 
     @property
     def _axes(self) -> Floats:
-        """Unit vectors along columns and along rows, as columns of east and north."""
+        """Matrix whose columns are the unit vectors along columns and along rows, in
+        (east, north).
+        """
         turn = math.radians(self.turn_deg)
         return np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
 
     def onto_plot(self, points_m: Floats) -> Floats:
-        """Points of shape (N, 2), east and north of the origin, from the middle along x and y."""
+        """Convert points (east, north) of the origin to points (x, y) from the middle of the plot,
+        shape (N, 2).
+        """
         away: Floats = points_m - np.array([self.east_m, self.north_m])
         return away @ self._axes
 
@@ -55,7 +59,7 @@ class PlotFrame(NamedTuple):
 
 
 def plot_frame(volume: VoxelVolume, origin: tuple[float, float]) -> PlotFrame:
-    """The axes of a volume with a location; the origin is a latitude and a longitude."""
+    """The axes of a volume with a location. `origin` is a latitude and a longitude."""
     assert volume.place is not None
     (east,), (north,) = to_local(origin, [volume.place[0]], [volume.place[1]])
     return PlotFrame(east, north, volume.turn_deg)

@@ -1,9 +1,10 @@
-"""Sites with the highest integral visibility of one place, among candidates with known views.
+"""Choice of the sites from which one place has the highest integral visibility, among candidates
+with known views.
 
-With J, the share of targets that both views of a pair do not see, the visibility of N sites is
-V = 1 - ΣΣ J / N² over all ordered pairs.  Sites are added one by one, each time the one that gives
-the highest visibility.  Each site is then exchanged for the candidate that improves the visibility
-most, until no exchange does.
+Let J be the share of targets that are hidden in both views of a pair of sites. The visibility of N
+sites is V = 1 - ΣΣ J / N², where the sum is over all ordered pairs. Sites are added one by one: the
+next site is always the one that gives the highest visibility. Then each site is exchanged for the
+candidate that improves the visibility most, and this is repeated until no exchange improves it.
 """
 
 from __future__ import annotations
@@ -18,18 +19,18 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 LEAST_GAIN = 1e-9
-"""Least gain of the visibility for which a site is exchanged."""
+"""Smallest gain of visibility for which a site is exchanged."""
 
 
 def most_visible(joint: Floats, count: int) -> NDArray[np.intp]:
-    """Indices of the sites, in increasing order.
+    """Choose the sites with the highest visibility; returns their indices in increasing order.
 
     Parameters
     ----------
     joint
-        J, shape (candidates, candidates).
+        J of all pairs of candidates, shape (candidates, candidates).
     count
-        Number N of sites, at most that of the candidates.
+        Number N of sites, at most the number of candidates.
     """
     own = np.diagonal(joint)
     chosen: list[int] = []
@@ -58,5 +59,5 @@ def most_visible(joint: Floats, count: int) -> NDArray[np.intp]:
 
 
 def visibility(joint: Floats, sites: NDArray[np.intp]) -> float:
-    """V of some sites."""
+    """Visibility V of the given sites."""
     return 1.0 - float(joint[np.ix_(sites, sites)].mean())

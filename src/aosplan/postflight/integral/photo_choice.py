@@ -1,4 +1,4 @@
-"""The choice of the photos of a folder that show the ground from about the same height."""
+"""Choose the photos of a folder that show the ground from about the same height."""
 
 from __future__ import annotations
 
@@ -22,15 +22,20 @@ LEVEL_DEG = -30.0
 """Pitch above which a camera shows the horizon instead of the ground."""
 
 LOW = 0.5
-"""Share of the median height of the photos below which a photo was taken while climbing."""
+"""A photo below this share of the median height of all photos is assumed to be taken during the
+climb.
+"""
 
 FAR_M, FAR = 500.0, 20.0
-"""Smallest distance of a wrong position from the median position: in metres, and in median distances
-of the photos from it.
+"""A position is wrong if its distance from the median position is larger than both of these values.
+The first value is in metres. The second is a multiple of the median distance of all photos from the
+median position.
 """
 
 MOST_WRONG = 0.1
-"""Largest share of the photos that are taken to be climbing, or to have a wrong position."""
+"""Largest share of the photos that may be left out because of the climb, or because of wrong
+positions.
+"""
 
 
 def chosen_photos(
@@ -51,12 +56,13 @@ def chosen_photos(
     Returns
     -------
     places, metadata, messages
-        Positions and metadata of the photos by name, and warnings about those that are left out.
+        Positions of the chosen photos by name, metadata of the chosen photos by name, and warnings
+        about the photos that are left out.
 
     Raises
     ------
     RequestError
-        If the folder has photos of several bands and none is chosen, or if no photo remains.
+        If the folder has photos of several bands and `band` is None, or if no photo remains.
     """
     places, doubtful = photo_places(folder)
     placed = {name: place for name, place in places.items() if place is not None}
@@ -92,7 +98,9 @@ def chosen_photos(
 
 
 def _far(places: Mapping[str, Place]) -> list[str]:
-    """Names of photos with wrong positions: a few that are far from all the others."""
+    """Names of photos with wrong positions, which are far from the positions of all
+    other photos.
+    """
     latitudes = [place.latitude for place in places.values()]
     longitudes = [place.longitude for place in places.values()]
     middle = int(np.argsort(latitudes)[len(latitudes) // 2])
@@ -115,7 +123,7 @@ def _low(tags: Mapping[str, PhotoMetadata], places: Mapping[str, Place]) -> list
 
 
 def _few(names: list[str], are_wrong: Collection[bool]) -> list[str]:
-    """Names of those photos, unless there are too many."""
+    """Names of the photos that are wrong, or no names if they are too many to be exceptions."""
     found = [name for name, is_wrong in zip(names, are_wrong, strict=True) if is_wrong]
     return found if len(found) <= max(MOST_WRONG * len(names), 1.0) < len(names) else []
 
@@ -123,7 +131,7 @@ def _few(names: list[str], are_wrong: Collection[bool]) -> list[str]:
 def _of_band(
     tags: Mapping[str, PhotoMetadata], band: str | None, folder: str
 ) -> dict[str, PhotoMetadata]:
-    """Photos of one of the drone's cameras."""
+    """The photos that were taken by one of the drone's cameras."""
     kinds = {name: found.band for name, found in tags.items() if found.band != "screen"}
     if "thermal" in kinds.values():
         # If there are thermal photos, photos without the name of a camera are from the visible
@@ -185,7 +193,7 @@ def _looking_down(
 
 
 def named(names: Iterable[str]) -> str:
-    """The first three of some file names, for a message."""
+    """Text for a message with the first three of the file names."""
     listed = ["".join(c if c.isprintable() else "?" for c in name) for name in names]
     return ", ".join(listed[:3]) + " ..." * (len(listed) > 3)
 

@@ -18,11 +18,13 @@ SPARSE_POINTS_PER_M2 = 20.0
 SATURATED_OCCUPANCY = 0.98
 FULL_FOOTPRINT = 0.95
 POINTS_A_COLUMN = 1.6
-"""Mean points per voxel column; with fewer, over a fifth of the columns are empty by chance."""
+"""Smallest mean number of points per voxel column. With fewer points, more than a fifth of the
+columns are empty by chance.
+"""
 
 
 def cloud_doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Iterator[Warned]:
-    """Yield warnings about the cloud, for the user."""
+    """Yield warnings about the point cloud."""
     occupancy = volume.column_occupancy
     if volume.ground == "filter":
         message = (
@@ -53,7 +55,7 @@ def cloud_doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Itera
 
 
 def opacity_doubts(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
-    """Yield warnings for volumes whose voxels are opaque if they contain a point."""
+    """Yield warnings about a volume in which every voxel with a point is treated as opaque."""
     voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
     if volume.opacity is not None and volume.opacity.reason:
         message = (

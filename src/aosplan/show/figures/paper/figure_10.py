@@ -20,8 +20,8 @@ VIEWS = ("2.8 m apart", "all, 2 m apart")
 
 
 def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
-    """SSIM of the integral for each aperture, from a thinned set of the views and from all
-    views.
+    """Compute the SSIM of the integral for each aperture, once with a thinned set of views and once
+    with all views.
     """
     from aosplan.simulation.pictures import check_extra
 
@@ -55,7 +55,7 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
 
 
 def draw(figure: Figure, shown: PaperFigure, theme: Theme) -> None:
-    """Draw SSIM over the aperture, for the original brightness and for matched brightness."""
+    """Draw SSIM against the aperture, with the original brightness and with matched brightness."""
     upper = body(figure, shown, theme)
     axes = upper.subplots()
     for name, color, marker in zip(VIEWS, theme.data, "os", strict=False):

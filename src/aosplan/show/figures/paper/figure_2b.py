@@ -1,7 +1,7 @@
-"""Fig. 2b: integrated density against l/o, by Eq. 1 and for simulated volumes.
+"""Fig. 2b: integrated density against l/o, from Eq. 1 and from simulated volumes.
 
-Each point is a simulated volume.  Its slices consist of cubes with edges of length 1, and the
-hidden share is counted from vertically above.
+Each point of the figure is a simulated volume. Its slices consist of cubes with edges of length 1.
+The share of the ground that is hidden from vertically above is counted.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SIDE = 120
 
 
 def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
-    """The curves and the simulated points."""
+    """Compute the curves and the simulated points."""
     from aosplan.simulation.forests import generator, uniform_forest
 
     rows: list[tuple[object, ...]] = [

@@ -1,4 +1,6 @@
-"""Fig. 3a-c: visibility against disparity at three p, by Eq. 2 and for averaged noise patterns."""
+"""Fig. 3a-c: visibility against disparity for three values of p, from Eq. 2 and from averaged noise
+patterns.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,7 @@ SHAPE = (150, 150)
 
 
 def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
-    """The curves, and the means of several patterns."""
+    """Compute the curves, and the means of several noise patterns."""
     rows: list[tuple[object, ...]] = [
         ("curve", p, side**2, d, float(visibility(p, side, side, d / OCCLUDER_PX)), None, None)
         for p, side, d in product(DENSITIES, SIDES, FINE)
@@ -60,7 +62,7 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
 
 
 def draw(figure: Figure, shown: PaperFigure, theme: Theme) -> None:
-    """Draw a panel for each p."""
+    """Draw a panel for each value of p."""
     upper = body(figure, shown, theme)
     panels = upper.subplots(1, 3)
     for axes, p, letter in zip(panels, DENSITIES, "abc", strict=True):

@@ -32,7 +32,9 @@ SHAPE = (160, 160)
 
 
 def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
-    """The mean V of several patterns at each disparity, and the image of the first pattern."""
+    """Compute the mean V of several patterns at each disparity, and the image of the
+    first pattern.
+    """
     from aosplan.simulation.forests import generator
     from aosplan.simulation.noise_patterns import blocked_views, grid_shifts
 

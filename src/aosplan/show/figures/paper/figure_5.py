@@ -38,7 +38,9 @@ SHAPE = (200, 200)
 
 
 def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
-    """The curves, and patterns that are shifted by more than an occluder."""
+    """Compute the curves, and the V and V̂ of patterns that are shifted by more than the size of an
+    occluder.
+    """
     rows: list[tuple[object, ...]] = [
         ("a curve", p, n, float(visibility(p, 1, n, 1.0)), None, None)
         for n, p in product(SAMPLES, FINE)
@@ -79,7 +81,7 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
 
 
 def draw(figure: Figure, shown: PaperFigure, theme: Theme) -> None:
-    """Draw V over p, and V̂ over N."""
+    """Draw V against p, and V̂ against N."""
     upper = body(figure, shown, theme)
     left, right = upper.subplots(1, 2, width_ratios=(1.4, 1.0))
     looks = [

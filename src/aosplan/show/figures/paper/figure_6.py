@@ -1,5 +1,5 @@
-"""Fig. 6a, b: p of a stand against depth below its top, and share of the occluders with d̂ >= 1
-against b.
+"""Fig. 6a, b: density p of a stand against depth below its top, and the share of occluders with d̂
+>= 1 against the baseline b.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
-    """The numbers of both panels, for a clumped stand and from the model."""
+    """Compute the values of both panels, for a clumped stand and from the model."""
     import numpy as np
 
     from aosplan.camera.disparity import coverage_share
@@ -43,7 +43,7 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
     ratio = np.arange(1.0, len(slices) + 1.0) * (volume.voxel_m / OCCLUDER_M)
     model = integrated_density(d, ratio, 1.0)
 
-    # (b) Each occupied voxel, at its height.
+    # (b) Each occupied voxel is an occluder at the height of the voxel.
     heights = (np.arange(len(volume.occupied)) + 0.5) * volume.voxel_m
     weights = volume.occupied.sum(axis=(1, 2))
     baselines = [0.05 * k for k in range(1, 101)]
@@ -90,7 +90,7 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
 
 
 def draw(figure: Figure, shown: PaperFigure, theme: Theme) -> None:
-    """Draw p over l/o, and the share over b."""
+    """Draw p against l/o, and the share of occluders against b."""
     upper = body(figure, shown, theme)
     left, right = upper.subplots(1, 2)
     names = ("model", "stand"), ("by Eq. 1; uniform scene", "clumped stand")

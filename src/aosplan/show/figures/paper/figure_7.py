@@ -1,5 +1,5 @@
-"""Fig. 7a, b: V̂ against the aperture, from the model, and for stands with b = 3.5 m at an altitude
-of 50 m.
+"""Fig. 7a, b: V̂ against the aperture. Panel a is from the model. Panel b is from stands, with b =
+3.5 m at an altitude of 50 m.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ the stand.
 
 
 def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
-    """The curves of the model, and the mean V̂ of several stands."""
+    """Compute the curves of the model, and the mean V̂ of several stands."""
     import numpy as np
 
     from aosplan.grid.patterns import local_sites, pattern_for
@@ -99,8 +99,8 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
 
 
 def _seen(seed: int, index: int, name: str) -> VoxelViews:
-    """Views of a stand, either of the targets at its centre, or of targets that are each below the
-    centre of their own aperture.
+    """Views of a stand: either of the targets at its centre, or of all its targets, each from the
+    aperture that is centred above it.
     """
     from aosplan.show.figures.paper.stand import ALTITUDE_M, stand, views
     from aosplan.simulation.voxel_views import VoxelViews

@@ -25,7 +25,7 @@ BASELINES_M = (0.5, 1.0, 2.0, 3.5, 5.0)
 
 
 def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
-    """V̂, SSIM and image of each grid of cameras."""
+    """Compute V̂, SSIM and the image for each grid of cameras."""
     import numpy as np
 
     from aosplan.show.figures.paper.stand import BASELINE_M, DENSITY, grid, views
@@ -74,7 +74,7 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
 
 
 def draw(figure: Figure, shown: PaperFigure, theme: Theme) -> None:
-    """Draw the images, N downwards and b to the right."""
+    """Draw the images; N increases downwards and b increases to the right."""
     panels = body(figure, shown, theme).subplots(len(SIDES), len(BASELINES_M))
     pictured(panels.flat, shown.pictures, 6.5)
     for row, side in zip(panels, SIDES, strict=True):

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 APERTURES_M = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0, 28.0)
 
 LOSSES = "no significant loss"
-"""Words of the paper about the SSIM of 25 and more samples."""
+"""What the paper says about the SSIM of 25 and more samples."""
 
 DIFFERENCE = (
     "The recording of the paper is not public, and it prints no numbers of this figure; in the "
@@ -33,8 +33,8 @@ DIFFERENCE = (
 
 
 def compared_values(views: int, ssim: float, matched: float) -> tuple[PaperValue, ...]:
-    """The SSIM of some numbers of samples, each with original and with matched brightness and
-    contrast.
+    """The SSIM for several numbers of samples, each with the original and with matched brightness
+    and contrast.
     """
     words = f"SSIM of N = {views} against all 504 images"
     return (
@@ -44,7 +44,7 @@ def compared_values(views: int, ssim: float, matched: float) -> tuple[PaperValue
 
 
 def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
-    """Image and SSIM for each aperture."""
+    """Compute the image and the SSIM for each aperture."""
     from aosplan.simulation.pictures import check_extra
 
     check_extra()

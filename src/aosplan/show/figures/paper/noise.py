@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 OCCLUDER_PX = 5
 PATTERNS = 16
-"""Independent patterns for each point."""
+"""Number of independent patterns for each point of a figure."""
 
 
 def averaged(
@@ -25,15 +25,15 @@ def averaged(
     Parameters
     ----------
     seed, index
-        Seed of the figure, and number of the point in it.
+        Seed of the figure, and index of the point in the figure.
     p
-        Share of the occupied cells, which have sides of `OCCLUDER_PX`.
+        Share of the cells that are occupied. The side of a cell is `OCCLUDER_PX`.
     grid
-        Rows and columns of the views.
+        Number of rows and columns of the grid of views.
     disparity_px
-        Shift between neighbouring views.
+        Shift between neighbouring views [px].
     shape
-        Rows and columns of the image.
+        Number of rows and columns of the image.
     """
     from aosplan.simulation.forests import generator
     from aosplan.simulation.moments import estimate

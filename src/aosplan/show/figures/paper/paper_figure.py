@@ -1,5 +1,5 @@
-"""The numbers of a figure of the paper, and the parts of a drawing that all of these figures
-share.
+"""The values of a figure of the paper, and the parts of a drawing that all of these figures have in
+common.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ ROW_INCHES = 0.165
 """Height of a row of the table below a figure."""
 
 PAPER_AT, PROJECT_AT = 0.61, 0.82
-"""Positions at which the second and third columns of this table begin, as shares of the width."""
+"""Positions at which the second and the third column of this table begin, as shares of
+its width.
+"""
 
 UNSTATED = "not stated"
 
@@ -56,9 +58,7 @@ class PaperFigure(NamedTuple):
     seed
         Seed of the simulations.
     names, rows
-        The numbers that are drawn, as a table:
-    names
-        of the columns, and rows.
+        The numbers that are drawn, as a table: names of the columns, and rows.
     values
         Quantities with their values in the paper and the values computed here.
     remarks
@@ -95,14 +95,16 @@ class PaperFigure(NamedTuple):
         return found
 
     def where(self, **equal: Any) -> dict[str, list[Any]]:
-        """The columns of the rows that have the given values."""
+        """The columns of those rows that have the given values."""
         wanted = {self.names.index(name): value for name, value in equal.items()}
         kept = [row for row in self.rows if all(row[k] == v for k, v in wanted.items())]
         return {name: [row[k] for row in kept] for k, name in enumerate(self.names)}
 
 
 def counted(items: Sequence[T], progress: Progress | None) -> Iterator[T]:
-    """The items one after the other; `progress` is told how many are finished."""
+    """Yield the items one after the other, and call `progress` with the number of
+    finished items.
+    """
     for done, item in enumerate(items, 1):
         yield item
         if progress is not None:
@@ -110,7 +112,7 @@ def counted(items: Sequence[T], progress: Progress | None) -> Iterator[T]:
 
 
 def agreement(what: str, errors: Sequence[float]) -> str:
-    """Sentence on the distance of simulated points from the model, in standard errors."""
+    """Sentence about the differences between simulated points and the model, in standard errors."""
     away = [abs(each) for each in errors]
     near = sum(each < 2.0 for each in away)
     return (
@@ -125,9 +127,7 @@ def plus_minus(value: float, error: float, digits: int = 3) -> str:
 
 
 def body(figure: Figure, shown: PaperFigure, theme: Theme) -> SubFigure:
-    """The upper part of a figure with its title.  The table of the values is drawn below this
-    part.
-    """
+    """The upper part of a figure, with the title. The table of values is drawn below this part."""
     height = figure.get_size_inches()[1]
     table = ROW_INCHES * (len(shown.values) + 1.6)
     parts: Any = figure.subfigures(2, 1, height_ratios=(height - table, table))

@@ -1,9 +1,9 @@
 """A recording of 504 images above a stand, for Figs. 9 and 10.
 
-The paper's recording is not public, and a similar one is rendered.  A chart is below the stand.
-504 cameras are on a 2 m lattice in a quarter of a disc, at an altitude of 40 m, and face the chart.
-Images and poses are written in the format of the AOS project, and are integrated with the functions
-that `aosplan integrate` calls.
+The paper's recording is not public, so a similar recording is rendered. A chart is on the ground
+below the stand. 504 cameras are on a 2 m lattice in a quarter of a disc, at an altitude of 40 m,
+and face the chart. Images and poses are written in the format of the AOS project, and are
+integrated with the functions that `aosplan integrate` calls.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ PIXEL_M = 0.1
 
 
 class Compared(NamedTuple):
-    """The integral of some views: number of views, image from 0 to 1, and SSIM against the integral
-    of all views.
+    """The integral of a selection of views: the number of views, the image with values from 0 to 1,
+    and the SSIM against the integral of all views.
 
     `matched` is the SSIM after brightness and contrast of each band are matched to the reference.
     """
@@ -80,13 +80,14 @@ class Rendered:
 
     @property
     def image(self) -> Any:
-        """The reference as an image from 0 to 1."""
+        """The reference as an image with values from 0 to 1."""
         return _shown(self.reference)
 
 
 @contextmanager
 def rendered(seed: int, progress: Progress | None, steps: int) -> Iterator[Rendered]:
-    """The recording in a temporary folder; rendering is the first half of all steps.
+    """Render the recording in a temporary folder. Half of the steps of `progress` are for the
+    rendering.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def rendered(seed: int, progress: Progress | None, steps: int) -> Iterator[Rende
     progress
         Function that is called with the number of finished steps and the total.
     steps
-        Number of integrals that follow.
+        Number of integrals that are computed after the rendering.
     """
     with tempfile.TemporaryDirectory() as folder:
         poses = _render(folder, seed)
@@ -108,8 +109,8 @@ def rendered(seed: int, progress: Progress | None, steps: int) -> Iterator[Rende
 
 
 def _sites() -> NDArray[np.float64]:
-    """The sites of a quarter of a disc: the points of a lattice that are nearest to the corner.
-    The positions are relative to the centre of the sites.
+    """The sites in a quarter of a disc: the points of a lattice that are nearest to one corner of
+    the lattice. The positions are relative to the centre of the sites.
     """
     along = PITCH_M * np.arange(40)
     lattice = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
@@ -118,7 +119,7 @@ def _sites() -> NDArray[np.float64]:
 
 
 def _towards_chart(position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """World-to-camera rotation of a camera that is at a position and faces the origin."""
+    """World-to-camera rotation of a camera at a position that looks at the origin."""
     forward = -position / np.linalg.norm(position)
     right = np.cross(forward, [0.0, 1.0, 0.0])
     right /= np.linalg.norm(right)
@@ -126,8 +127,8 @@ def _towards_chart(position: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _render(folder: str, seed: int) -> str:
-    """Trace the pixels of each image to the ground, write the images and the poses, and return the
-    path of the poses.
+    """Write the images and the poses of the recording, and return the path of the poses. Each pixel
+    is traced to the ground.
     """
     volume, per_voxel = stand(seed), 2
     window = centred_window(volume, per_voxel, GROUND_M)
@@ -169,7 +170,7 @@ def _render(folder: str, seed: int) -> str:
 
 
 def _ground(side: int, chart_px: int) -> NDArray[np.float64]:
-    """Grey ground with a chart in the middle; rows increase to the north."""
+    """Image of the grey ground with a chart in the middle. The first row is in the south."""
     ground = np.full((side, side), 0.6)
     margin = (side - chart_px) // 2
     inner = slice(margin, margin + chart_px)

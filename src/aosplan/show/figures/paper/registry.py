@@ -19,8 +19,8 @@ SEED = 2019
 
 
 class Entry(NamedTuple):
-    """A figure of the paper: its subject, its ratio of height to width, and the time to compute
-    it.
+    """A figure of the paper: its subject, the ratio of its height to its width, and its computing
+    time.
     """
 
     summary: str
@@ -57,7 +57,7 @@ def checked_number(number: Any) -> str:
     """
     found = str(number).strip().lower().removeprefix("fig.").removeprefix("figure").strip()
     if found == "2":
-        found = "2b"  # 2a is a drawing
+        found = "2b"  # Fig. 2a is a drawing without data.
     elif found[-1:] in ("a", "b", "c") and found[:-1] in FIGURES:
         found = found[:-1]
     if found not in FIGURES:
@@ -82,7 +82,7 @@ def numbers_of(number: str, seed: int = SEED, progress: Progress | None = None) 
     seed
         Seed of the simulations, at least 0.
     progress
-        Function that is called with the number of finished steps and the total.
+        Function that is called with the number of finished steps and the total number of steps.
 
     Raises
     ------

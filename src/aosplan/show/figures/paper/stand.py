@@ -1,4 +1,4 @@
-"""The stand of the paper's Figs. 6 to 10, and views of the ground below it.
+"""The stand that replaces the scan in the paper's Figs. 6 to 10, and views of the ground below it.
 
 The paper's scan is not public.  A clumped stand with the paper's p is generated from a seed
 instead.  Its crowns and trunks are on a periodic plot of 40 x 40 m and hide 56.7 % of the ground
@@ -44,20 +44,22 @@ def stand(seed: int, index: int = 0) -> VoxelVolume:
 
 
 def centred_window(volume: VoxelVolume, per_voxel: int, side_m: float) -> PlotWindow:
-    """A square of targets at the centre of a stand."""
+    """Window that contains a square of targets at the centre of a stand."""
     side = round(side_m / volume.voxel_m) * per_voxel
     first = (volume.occupied.shape[1] * per_voxel - side) // 2
     return PlotWindow(first, first, side, side)
 
 
 def views(seed: int, index: int = 0) -> VoxelViews:
-    """Views in perspective of a square of targets at the centre of a stand."""
+    """Perspective views of a square of targets at the centre of a stand."""
     volume = stand(seed, index)
     window = centred_window(volume, 2, TARGET_M)
     return VoxelViews(volume, ALTITUDE_M, targets_per_voxel=2, window=window)
 
 
 def grid(side: int, pitch_m: float) -> NDArray[np.float64]:
-    """Positions of side x side cameras [m], shape (side², 2)."""
+    """Positions of the cameras of a square grid [m], shape (side², 2). `side` is the number of
+    cameras along each side.
+    """
     along = (np.arange(side) - 0.5 * (side - 1)) * pitch_m
     return np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
