@@ -1,11 +1,13 @@
 """aosplan: sampling plans for airborne optical sectioning.
 
-Public names are imported when they are first used, so that ``import aosplan`` is fast.
+Modules of public names are imported when the names are first used. This makes ``import aosplan``
+fast.
 """
 
 from __future__ import annotations
 
-TYPE_CHECKING = False  # Type checkers recognise this name, so that typing need not be imported.
+# Type checkers treat this name as true. Importing it from typing would take time.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
     from aosplan.api.flown import Review as Review
     from aosplan.api.flown import Thinning as Thinning

@@ -18,13 +18,13 @@ def main() -> None:
     """Run the command line and exit with its status."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            # The shell has closed this stream. Without a replacement, the next file that is opened
-            # would get its descriptor.
+            # The shell has closed this stream. Without a replacement, the next opened file would
+            # get the descriptor of the stream.
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
     # With the default threshold, garbage collection during imports takes 5 % of the time of a
     # plan.
     gc.set_threshold(100_000)
-    # If Ctrl-C is ignored, as it is for a background job of a shell, it stays ignored.
+    # A shell ignores Ctrl-C for its background jobs. This setting is kept.
     heeded = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if heeded:
         signal.signal(signal.SIGINT, _leave)
@@ -35,7 +35,7 @@ def main() -> None:
         # OpenBLAS, which numpy loads, starts one thread per processor. Except in `thin`, starting
         # these threads takes longer than all matrix products of a command.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    if not sys.warnoptions:  # true unless the user gives -W or PYTHONWARNINGS
+    if not sys.warnoptions:  # The user has not given -W or PYTHONWARNINGS.
         # Python warnings come only from libraries and are meant for programmers. The warnings of
         # aosplan itself are messages.
         sys.warnoptions.append("ignore")  # worker processes inherit this list
@@ -56,8 +56,8 @@ def main() -> None:
 
 
 def _leave(_number: int, _frame: object) -> None:
-    """Exit at once on Ctrl-C.  The handler is active only before the work begins and after it
-    ends.
+    """Exit at once on Ctrl-C. This handler is used before the work of the command begins and after
+    it has ended.
     """
     os._exit(130)
 

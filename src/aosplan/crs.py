@@ -42,13 +42,13 @@ international foot and the US survey foot.
 """
 
 SCALED = 0.003
-"""Largest relative scale error of a projection that is ignored.  The error of UTM is smaller within
-its zone.
+"""Relative scale errors of a projection up to this are ignored. Within its zone, UTM has smaller
+errors.
 """
 
 MOST_SKEW_DEG = 1.0
-"""Largest deviation from 90° of the angle between a projection's axes on the ground.  If it is
-larger, lengths cannot be corrected by a scale along each axis.
+"""Largest allowed deviation from 90° of the angle between a projection's axes on the ground. If the
+deviation is larger, a scale along each axis cannot correct lengths.
 """
 
 ASK = "give --units m, ft or us-ft, or two units such as us-ft,m (x and y in feet, z in metres)"
@@ -63,12 +63,12 @@ class Units(NamedTuple):
 
 
 class GroundScale(NamedTuple):
-    """Length on the ground [m] of one unit of x and of one unit of y at a place, and the
+    """Lengths on the ground [m] of one unit of x and of one unit of y at a place, and the
     coordinates of this place.
 
     `skew_deg` is the deviation of the angle between the two axes from a right angle on the ground,
-    and `turn_deg` the direction of the y axis, clockwise from true north.  Latitude and longitude
-    are those of the system's own datum.
+    and `turn_deg` the direction of the y axis, clockwise from true north. Latitude and longitude
+    refer to the system's own datum.
     """
 
     x_m: float
@@ -196,7 +196,8 @@ def height_unit_m(band: str | None, stated: Units, what: str, hint: str) -> floa
     stated
         Units of its coordinate reference system.
     what, hint
-        Parts of messages: a name of the raster, and a hint how the user can give the unit.
+        Parts of messages: a name of the raster, and a hint that tells the user how to give the
+        unit.
 
     Raises
     ------
@@ -284,9 +285,10 @@ def transformer(source: CRS | str, target: CRS | str) -> Transformer:
 def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
     """Length of one unit of x and of one unit of y at a place, measured on the ellipsoid.
 
-    The lengths [m] include both the unit and the scale error of the projection.  A degree, a US
-    survey foot and a metre of web Mercator (too long by the factor 1 / cos φ) all have such
-    lengths.  The result is None if the place has no latitude and longitude.
+    The lengths [m] include both the unit and the scale error of the projection. Degrees, US survey
+    feet, and the metres of web Mercator, which differ from true metres by the factor 1 / cos φ, are
+    therefore all converted correctly. The result is None if the place has no latitude and
+    longitude.
     """
     from pyproj.exceptions import ProjError
 
@@ -295,8 +297,8 @@ def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
     ellipsoid = plane.get_geod()
     if globe is None or ellipsoid is None or not (math.isfinite(x) and math.isfinite(y)):
         return None
-    # This step is long enough that differences of coordinates keep nine digits, and short enough
-    # that the scale is constant along it.
+    # The step is a compromise. It has to be long, so that differences of coordinates have nine
+    # accurate digits. It has to be short, so that the scale is constant along it.
     step = 1e-3 if plane.is_geographic else 100.0
     try:
         longitudes, latitudes = transformer(plane, globe).transform(

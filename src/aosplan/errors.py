@@ -63,7 +63,8 @@ def needs_extra(what: str, extra: str) -> Iterator[None]:
     Raises
     ------
     MissingExtraError
-        If an import fails; the message names `what` needs the dependency and the extra to install.
+        If an import fails. The message says what needs the dependency (`what`), and which extra to
+        install.
     """
     try:
         yield
@@ -72,6 +73,8 @@ def needs_extra(what: str, extra: str) -> Iterator[None]:
 
 
 class SurroundingsError(AosplanError):
-    """The machine, not the request, failed: no permission, disk full."""
+    """The machine failed, not the request: for example, there is no permission or the disk
+    is full.
+    """
 
     exit_status = 1

@@ -22,7 +22,7 @@ DEEPEST = 60
 """Greatest number of nesting levels in a document."""
 
 _WINDOWS_PATH = re.compile(r'"[^"\n]*\\[^"\n]*"')
-"""A double-quoted TOML string with a backslash, which TOML reads as an escape."""
+"""A double-quoted TOML string that contains a backslash. TOML reads the backslash as an escape."""
 
 MOST_NAMES = 200_000
 """Greatest number of names in a TOML document; the parser needs up to 2 kB for each."""
@@ -91,10 +91,10 @@ def reading(path: str, what: str = "file") -> Iterator[None]:
 
 
 def read_table(path: str, *, most: int = MOST_BYTES, with_nan: bool = False) -> dict[str, Any]:
-    """Read a TOML or JSON document that has named values at its top level.
+    """Read a TOML or JSON document whose top level is a table of named values.
 
-    The extension ``.toml`` or ``.json`` determines the format.  If the extension is a different
-    one, the first character of the file determines it.
+    The extension ``.toml`` or ``.json`` determines the format. If a file has a different extension,
+    its first character determines the format.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def parse_table(content: bytes, path: str, *, with_nan: bool = False) -> dict[st
     text = text_of(content, path)
     suffix = os.path.splitext(path)[1].lower()
     start = text.lstrip()
-    # ``[name]`` begins a table in TOML. A JSON list begins with something other than a letter.
+    # ``[name]`` begins a table in TOML. In a JSON list, ``[`` is not followed by a letter.
     listed = start[:1] == "[" and not start.lstrip("[")[:1].isalpha()
     as_json = suffix == ".json" or (suffix != ".toml" and (listed or start[:1] == "{"))
     try:
@@ -185,9 +185,8 @@ def _from_toml(text: str) -> Any:
     import re
     import tomllib
 
-    # tomllib creates a table for every part of a dotted key. For each part, it walks through all
-    # these tables again. The depth therefore has to be checked before parsing. Possessive
-    # quantifiers keep the search linear.
+    # The depth is checked before parsing, because the time of tomllib grows with the square of the
+    # depth of a dotted key. With possessive quantifiers, the time of this search is linear.
     names = re.sub(_TOML_TEXT, lambda found: "" if found[0][0] == "#" else "_", text)
     if re.search(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}", names):
         raise RecursionError
@@ -227,7 +226,7 @@ def _check_values(document: Any, text: str) -> None:
 def _is_wrong(value: Any) -> bool:
     """Whether a value is a number that is too large for a float, or text that is not Unicode.
 
-    A table is also wrong if one of its names is not Unicode.
+    A table is wrong if one of its names is not Unicode.
     """
     if isinstance(value, dict):
         return not all(map(is_unicode, value))
@@ -302,7 +301,7 @@ def discarding_output(descriptor: int) -> Iterator[None]:
     """Discard the output of a compiled library to stdout (descriptor 1) or stderr (2)."""
     try:
         kept = os.dup(descriptor)
-    except OSError:  # The descriptor is closed, so that nothing can be printed.
+    except OSError:  # The descriptor is closed, so nothing can be printed.
         yield
         return
     (sys.stdout if descriptor == 1 else sys.stderr).flush()
@@ -419,9 +418,8 @@ def _target(path: str) -> str:
 
 
 def _place(temporary: str, path: str, *, force: bool) -> str | None:
-    """Rename a temporary file to its final name.  An earlier file is kept under another name.
-
-    Returns this other name, or None if there was no earlier file.
+    """Rename a temporary file to its final name. If the final name belongs to an earlier file, that
+    file is renamed first and its new name is returned; otherwise, None is returned.
     """
     if not os.path.lexists(path):
         earlier = None
@@ -475,9 +473,8 @@ def _refused(path: str, error: OSError) -> SurroundingsError:
 
 
 def located(name: str, folder: str) -> str:
-    """Resolve a file name from a request file: first in the folder of the request file.
-
-    If the folder of the request file does not contain the file, the name is used as given.
+    """Resolve a file name from a request file. The file is first looked for in the folder of the
+    request file. If it is not there, the name is used as given.
     """
     beside = os.path.join(folder, name)
     if not folder:
@@ -491,7 +488,9 @@ def located(name: str, folder: str) -> str:
 
 
 def is_file_name(name: str) -> bool:
-    """Whether a name is that of a file and not of a preset: it has an extension or a folder."""
+    """Whether a name belongs to a file instead of a preset. The name of a file has an extension or
+    a folder.
+    """
     return os.path.splitext(name)[1] != "" or os.sep in name
 
 

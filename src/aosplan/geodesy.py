@@ -19,10 +19,10 @@ def to_wgs84(
 ) -> tuple[list[float], list[float]]:
     """Latitudes and longitudes of points that are given as metres east and north of an origin.
 
-    The local frame is an azimuthal equidistant projection.  Distances and azimuths from the origin
-    are exact on the ellipsoid, everywhere on earth.  The distance between two neighbouring points
-    that are r away from the origin has a relative error of at most r²/(6 R²), where R is the radius
-    of the earth.  This is 1e-9 at r = 500 m and 2e-6 at r = 20 km.
+    The local frame is an azimuthal equidistant projection. Distances and azimuths from the origin
+    are exact on the ellipsoid, everywhere on earth. The distance between two neighbouring points at
+    the distance r from the origin has a relative error of at most r²/(6 R²), where R is the radius
+    of the earth. This is 1e-9 at r = 500 m and 2e-6 at r = 20 km.
 
     Parameters
     ----------
@@ -61,7 +61,9 @@ def to_wgs84(
 def to_local(
     origin: tuple[float, float], latitudes: Sequence[float], longitudes: Sequence[float]
 ) -> tuple[list[float], list[float]]:
-    """Metres east and north of an origin for latitudes and longitudes: the inverse of `to_wgs84`."""
+    """Convert latitudes and longitudes to metres east and north of an origin: the inverse of
+    `to_wgs84`.
+    """
     from pyproj import Geod
 
     count = len(latitudes)
@@ -83,8 +85,7 @@ def local_crs(latitude: float, longitude: float) -> str:
 def path_parts(
     longitude: Sequence[float], latitude: Sequence[float], altitude_m: Sequence[float]
 ) -> list[tuple[Sequence[float], Sequence[float], Sequence[float]]]:
-    """Split a path into parts that do not cross the antimeridian, and return the columns of each
-    part.
+    """Split a path into parts that do not cross the antimeridian. Returns the columns of each part.
 
     A leg that crosses the antimeridian is cut there.  The leg is assumed to be straight in
     longitude and latitude.

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 
 class Limit(NamedTuple):
-    """A limit that took effect: the quantity, its value, the bound that the value reached, and the
-    reason for the bound.
+    """A limit that determined a value: the quantity, its value, the bound that the value reached,
+    and the reason for the bound.
     """
 
     quantity: str

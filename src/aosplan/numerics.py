@@ -1,8 +1,8 @@
 """Formulas that work on floats and on arrays.
 
 Each formula is written once, as a kernel: a function that uses only arithmetic operators and the
-functions of a namespace `xp`.  For floats, `xp` is `SCALARS`, which uses `math`, so that a plain
-command does not import numpy.  For arrays, `xp` is numpy, and the kernel is applied to blocks that
+functions of a namespace `xp`. For floats, `xp` is `SCALARS`, which uses `math`. A plain command
+therefore does not import numpy. For arrays, `xp` is numpy, and the kernel is applied to blocks that
 fit the processor's cache.
 """
 
@@ -19,10 +19,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Floats = float | NDArray[np.float64]
-    """A float, or an array of them."""
+    """A float, or an array of floats."""
 
 BLOCK = 8192
-"""Elements per block: 64 KiB per operand, so that a kernel's temporaries fit the L2 cache."""
+"""Number of elements of a block. Each operand then takes 64 KiB, and the temporary arrays of a
+kernel fit into the L2 cache.
+"""
 
 
 class _Scalars:
@@ -74,7 +76,7 @@ def elementwise(kernel: Callable[..., Any], *arguments: Any) -> Any:
             ZeroDivisionError,
             OverflowError,
             ValueError,
-        ):  # In this case, numpy gives inf or nan, which is also not valid.
+        ):  # In these cases, numpy returns inf or nan, which are not valid either.
             return math.nan
         return float(value) if valid else math.nan
 
@@ -130,8 +132,9 @@ def turned(first: Any, second: Any, axis: tuple[float, float]) -> tuple[Any, Any
 def smallest(holds: Callable[[float], bool], low: float, high: float) -> float:
     """Smallest number in [low, high] for which a condition is true.
 
-    The condition must be monotone (once true, it stays true), and `holds(high)` must be true.  The
-    bisection continues to the last bit.  The condition is true for the result.
+    If the condition is true for a number, it must be true for all larger numbers. `holds(high)`
+    must be true. The bisection continues to the last bit of the float. The condition is true for
+    the result.
     """
     if holds(low):
         return low
@@ -148,11 +151,11 @@ def smallest(holds: Callable[[float], bool], low: float, high: float) -> float:
 def smallest_root(excess: Callable[[float], float], low: float, high: float) -> float:
     """Smallest number in [low, high] at which a monotone decreasing function is at most 0.
 
-    `excess(high)` must be at most 0.  This is the Illinois method (Dowell and Jarratt, 1971) with
-    two additions: a bisection if four steps have not made the interval eight times narrower, and a
-    step to the next float if the root is at an end of the interval within rounding.  The function
-    is at most 0 at the result.  At the next smaller float it is above 0, except for rounding
-    errors.
+    `excess(high)` must be at most 0. This is the Illinois method (Dowell and Jarratt, 1971) with
+    two additions. If four steps have not made the interval eight times narrower, a bisection
+    follows. If the root is within rounding errors of an end of the interval, the next step is to
+    the neighbouring float. The function is at most 0 at the result, and above 0 at the next smaller
+    float, except for rounding errors.
     """
     above, below = excess(low), excess(high)
     if above <= 0.0:
@@ -165,7 +168,7 @@ def smallest_root(excess: Callable[[float], float], low: float, high: float) -> 
         guess = high - below * (high - low) / (below - above)
         if low < guess < high:
             beside_end = False
-        elif beside_end:  # The function is 0 on both sides of this end.
+        elif beside_end:  # The function is 0 at this end and at the neighbouring float.
             guess, beside_end = middle, False
         else:
             guess = math.nextafter(low, high) if guess <= low else math.nextafter(high, low)
@@ -174,7 +177,8 @@ def smallest_root(excess: Callable[[float], float], low: float, high: float) -> 
             guess = middle if high - low > 0.125 * width else guess
             width = high - low
         value = excess(guess)
-        # The value at an end that is kept twice is halved, so that the next step moves this end.
+        # If an end is kept twice, the value at this end is halved. The next step then moves this
+        # end.
         if value <= 0.0:
             above *= 0.5 if moved == 1 else 1.0
             high, below, moved = guess, value, 1

@@ -105,15 +105,15 @@ def review(
     plan
         A plan, a request, or the path of a saved plan or a request file.
     tolerance_m
-        Largest distance between a photo and its site; by default half the smaller one of the two
-        pitches of the grid.
+        Largest distance between a photo and its site. The default is half of the smaller pitch of
+        the grid.
     progress
         Function that is called with the number of points read and the total, while a point cloud
         is read.
     **options
-        Options as for `aosplan.plan`; they override those of `plan`.  `within` is the longest time
-        of the top-up from take-off to landing, in minutes, as for the command; the plan keeps its
-        own.
+        Options as for `aosplan.plan`; they override the options of `plan`. `within` is the longest
+        time of the top-up from take-off to landing, in minutes. It does not change the `within` of
+        the plan.
 
     Raises
     ------
@@ -167,7 +167,7 @@ class Thinning(Summarized, thinnings.Thinning):
         }
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the positions of all views and of the kept ones.
+        """Draw the positions of all views and of the kept views.
 
         Parameters
         ----------

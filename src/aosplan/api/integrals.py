@@ -107,7 +107,8 @@ def integrate(
         Height of the focal plane along the world's upward axis; by default 0, or the result of
         `focus`.
     focal_surface
-        A GeoTIFF of ground heights, to focus on the ground at all heights.
+        A GeoTIFF of ground heights. Every pixel of the integral image is then focused on the
+        ground.
     slope
         Rise of the plane per metre to the east and to the north.
     focus, align
@@ -121,14 +122,15 @@ def integrate(
         The camera, if the poses do not contain one: a preset or file, or a horizontal field of
         view.
     band, plan, altitude_m, heading_deg
-        For a folder of photos: the band, and the file of the plan.  If the photos do not have these
-        values: the height of the cameras above the take-off point, and the direction of the top
-        edge of the photos.
+        Options for a folder of photos. `band` is the band to use, and `plan` the file of the plan.
+        `altitude_m` is the height of the cameras above the take-off point, and `heading_deg` the
+        direction of the top edge of the photos. They are needed if the metadata of the photos do
+        not contain them.
     extent
         Part of the plane that is drawn: ``centre``, ``all``, or (smallest x, smallest y, largest x,
         largest y) [m].
     gsd_m
-        Pixel size of the integral image; by default that of the images.
+        Pixel size of the integral image. The default is the pixel size of the images on the ground.
     views, aperture_m, pitch_m
         The views to use.  `views` gives numbers from 1, ranges and names.  `aperture_m` is the side
         of a square; only views in it are used.  `pitch_m` is the smallest distance between two used

@@ -50,8 +50,8 @@ def paper_figure(
     seed: int = SEED,
     progress: Callable[[int, int], None] | None = None,
 ) -> PaperFigure:
-    """Compute a figure of the paper again.  The result has the values of the paper and those of the
-    project.
+    """Compute a figure of the paper again. The result contains the values of the paper and the
+    values that are computed here.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def paper_figure(
     seed
         Seed of the simulations, at least 0.
     progress
-        Function that is called with the number of finished steps and the total.
+        Function that is called with the number of finished steps and the total number of steps.
 
     Raises
     ------

@@ -116,7 +116,8 @@ class Plan(Summarized, result.Plan):
         return plotted(chosen, shown_of_plan(chosen, self), ax)
 
     def reciprocal_map(self) -> ReciprocalMap:
-        """How much of the target area each camera position at the altitude of the plan sees.
+        """Compute how much of the target area each camera position at the altitude of the plan
+        sees.
 
         The target area is the area of the plan, or the disc around its origin whose radius is
         `around_radius`.
@@ -124,8 +125,8 @@ class Plan(Summarized, result.Plan):
         Returns
         -------
         map
-            Its `transparency` has the share of the area that each position sees, `cells` the
-            positions, and `geotiff()` the content of a GeoTIFF.
+            `transparency` has the share of the area that each position sees, `cells` has the
+            positions, and `geotiff()` returns the content of a GeoTIFF.
 
         Raises
         ------
@@ -144,22 +145,23 @@ def plan(
     progress: Callable[[int, int], None] | None = None,
     **options: Unpack[RequestOptions],
 ) -> Plan:
-    """Compute a plan for a request: the number of photos, their distance, and their positions.
+    """Compute a plan for a request: the number of photos, their positions, and the distance between
+    neighbouring photos.
 
     Parameters
     ----------
     request
         A `PlanRequest`, an earlier `Plan`, or the path of a request file or a saved plan.
     folder
-        Folder of the files that `request` and the options name.  Files that are not in it are
-        looked for in the current folder.  None: the folder of the request file, or that of the
-        earlier plan.
+        Folder of the files that `request` and the options name. Files that are not in it are looked
+        for in the current folder. The default is the folder of the request file or of the earlier
+        plan.
     progress
         Function that is called with the number of points read and the total, while a point cloud
         is read.
     **options
-        Options of ``aosplan plan`` with underscores, which are the fields of `PlanRequest`.  They
-        override those of `request`.  `scene` may also be a result of `aosplan.read_scene`;
+        Options of ``aosplan plan`` with underscores, which are the fields of `PlanRequest`. They
+        override the options of `request`. `scene` may also be a result of `aosplan.read_scene`;
         `origin` is a pair (latitude, longitude).
 
     Raises
@@ -193,8 +195,8 @@ class _Rows(NamedTuple):
 
 
 class Tradeoff(Summarized, _Rows):
-    """Cost and benefit by number of photos, with one row for each number.  `chosen` is true in the
-    row of the plan.
+    """Cost and benefit of each number of photos, in one row. `chosen` is true in the row of the
+    plan.
 
     Attributes
     ----------
@@ -226,12 +228,14 @@ class Tradeoff(Summarized, _Rows):
         return f"{len(self.rows)} rows, {len(front)} of them on the Pareto front", facts
 
     def plot(self) -> Any:
-        """Draw baseline, extent and time over the number of photos; returns an array of four axes."""
+        """Draw baseline, extent and time against the number of photos; returns an array of four
+        axes.
+        """
         return self.plan.plot(kind="tradeoff")
 
 
 def tradeoff(request: Asked | None = None, **options: Unpack[RequestOptions]) -> Tradeoff:
-    """Cost and benefit by number of photos: baseline, extent, time, visibility.
+    """Compute cost and benefit for each number of photos: baseline, extent, time and visibility.
 
     Parameters
     ----------

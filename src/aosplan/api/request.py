@@ -32,7 +32,7 @@ class FoundRequest(NamedTuple):
 def found_request(
     asked: Asked | None, options: Mapping[str, Any], *, folder: str | None = None
 ) -> FoundRequest:
-    """The request from the arguments of a function of `aosplan`.
+    """Make a request from the arguments of a function of `aosplan`.
 
     Options override the values of `asked`.
 
@@ -46,8 +46,8 @@ def found_request(
         result of `aosplan.read_scene`.
 
     folder
-        Folder in which files that the request and the options name are looked for first.  None: the
-        folder of the request file, or that of the earlier plan.
+        Folder in which files that the request and the options name are looked for first. The
+        default is the folder of the request file or of the earlier plan.
 
     Raises
     ------

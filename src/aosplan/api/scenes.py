@@ -39,7 +39,7 @@ class Stand(Summarized, LoadedScene):
         return columns_of([layer._asdict() for layer in self.scene.slices()])
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
-        """Write a scene file, which is fast to read: ``.toml``, or ``.npz`` with the voxels.
+        """Write a scene file that can be read quickly: ``.toml``, or ``.npz`` with the voxels.
 
         Raises
         ------

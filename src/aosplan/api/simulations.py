@@ -141,5 +141,5 @@ def simulate(
         found = found_request(request, options)
         view = found.request.view
         planned = plan_of(found._replace(request=without_simulated_view(found.request)))
-    given: Any = view or "perspective"  # any value, because the request has been checked
+    given: Any = view or "perspective"  # The request has been checked, so the value is valid.
     return Simulation(*compare.simulate(planned, settings._replace(view=given)))

@@ -55,7 +55,7 @@ class Summarized:
 
 
 def warnings_text(warnings: Iterable[Message]) -> dict[str, str]:
-    """A row of a summary with the codes of the warnings; empty if there are no warnings."""
+    """A row of a summary that lists the codes of the warnings; empty if there are no warnings."""
     codes = list(dict.fromkeys(warning.code for warning in warnings))
     return {"Warnings": ", ".join(codes)} if codes else {}
 

@@ -76,7 +76,7 @@ class Sweep(Summarized, _Frame):
         value: str | None = None,
         by: str | None = None,
     ) -> Any:
-        """Draw one column over another, or draw a third one as a map over two columns.
+        """Draw one column against another, or draw a third column as a map over two columns.
 
         Parameters
         ----------
@@ -129,12 +129,12 @@ def sweep(
     where
         An SQL condition that selects the rows to keep: ``"samples <= 100"``.
     best, per
-        For each combination of the values in the columns `per`, keep only the row with the largest
-        value in the column `best`.  With a minus before the name of the column, the row with the
-        smallest value is kept.
+        For each combination of values in the columns `per`, keep only the row with the largest
+        value in the column `best`. If `best` begins with a minus, the row with the smallest value
+        is kept.
     workers
-        Number of processes.  If it is greater than 1, the script needs a guarded entry point (``if
-        __name__ == "__main__":``), as `multiprocessing` does.
+        Number of processes. If it is greater than 1, `multiprocessing` is used, and the script
+        needs a guarded entry point (``if __name__ == "__main__":``).
     progress
         Function that is called with the number of scenarios that have been solved since its last
         call.

@@ -2,13 +2,14 @@
 
 - `aosplan.areas.boundary_file`: boundaries in GeoJSON, KML and KMZ files.
 - `aosplan.areas.area`: an area on a local plane.
-- `aosplan.areas.coverage`: the coverage rule, which decides which ground enough photos see.
+- `aosplan.areas.coverage`: the coverage rule, which determines the ground that is seen in enough
+  photos.
 - `aosplan.areas.cell_runs`: sets of cells, stored as runs along rows.
 - `aosplan.areas.survey`: the sites that cover an area.
 - `aosplan.areas.tour`: the order of the sites.
 - `aosplan.areas.no_fly`: paths around no-fly zones.
 - `aosplan.areas.around_points`: areas around points.
-- `aosplan.areas.crossings`: counting of the crossings of boundaries.
+- `aosplan.areas.crossings`: counts the crossings of boundaries.
 - `aosplan.areas.extent`: size of an area along a heading, and lower bounds of the number of sites
   over it.
 - `aosplan.areas.nearest`: search for nearest points.

@@ -30,7 +30,9 @@ FARTHEST_M = 20_000.0
 """Greatest distance between a point of an area and its centre."""
 
 BEND_M = 0.01
-"""Largest deviation of the edges in metres from straight lines in longitude and latitude."""
+"""Largest deviation [m] between an edge that is straight in the local frame and an edge that is
+straight in longitude and latitude.
+"""
 
 MOST_VERTICES = 20_000
 """Largest number of vertices of a boundary that is not simplified."""
@@ -43,12 +45,12 @@ small enough.
 EARTH_RADIUS_M = 6.371e6
 
 NEARBY_M = 5.0 * FARTHEST_M
-"""If the distance between the area and zones or clear parts is larger, latitude and longitude may
-be swapped.
+"""If no-fly zones or clear parts are farther from the area than this, their latitude and longitude
+may be swapped.
 """
 
 MARGIN_M = 0.1
-"""Distance from no-fly zones in addition to the buffer, because formats round coordinates."""
+"""Distance from no-fly zones that is added to the buffer, because formats round coordinates."""
 
 THINNEST_M = 0.001
 """A polygon that is thinner than this is treated as having no area."""
@@ -58,24 +60,24 @@ SLIVER_SHARE = 0.001
 """A part of an area is a sliver if it is narrow and its share of the area is at most this."""
 
 MOST_MENDED = 1000
-"""Largest number of crossings of a boundary with itself that is repaired."""
+"""A boundary that crosses itself is repaired if the number of crossings is at most this."""
 
 MOST_CROSSINGS = 200_000
-"""Largest number of crossings of boundaries with each other.  Each crossing needs about 1 kB of
-memory.
-"""
+"""Largest number of crossings between boundaries. Each crossing needs about 1 kB of memory."""
 
 _ARC_SEGMENTS = 8
 _ARC_RATIO = 1.01 / math.cos(0.75 * math.pi / (2 * _ARC_SEGMENTS))
-"""Factor for the distance of a buffer of GEOS, so that the buffer contains the exact buffer.
-
-GEOS replaces arcs by chords.  The angle of a chord is at most one and a half times the angle of a
-segment.  Corners of the boundary may be cut off by up to 1 % of the distance.
+"""Factor by which the distance of a buffer is multiplied before GEOS computes it. GEOS replaces
+arcs by chords, so a buffer without this factor would not contain the exact buffer. The angle of a
+chord is at most one and a half times the angle of a segment. Corners of the boundary may be cut off
+by up to 1 % of the distance.
 """
 
 
 quiet = np.errstate(divide="ignore", invalid="ignore")
-"""Suppresses the warnings that NumPy would print because GEOS leaves floating-point flags set."""
+"""Context manager that suppresses NumPy's floating-point warnings. GEOS leaves floating-point flags
+set, for which NumPy would print warnings.
+"""
 
 
 class Area(NamedTuple):
@@ -194,8 +196,8 @@ def _check_overlay(whole: Any, shape: Any, path: str) -> None:
 
 
 def grown(shape: Any, distance_m: float) -> Any:
-    """A shape that is extended by a distance.  The extension is at least the exact distance and at
-    most 3 % more.
+    """Extend a shape by a distance. The extension is at least the exact distance, and at most 3 %
+    larger.
     """
     if distance_m == 0.0 or shape.is_empty:
         return shape
@@ -217,7 +219,7 @@ def long_side_deg(shape: Any) -> float:
     """Direction of the longer side of the smallest rectangle around a shape.
 
     The direction is in degrees clockwise from north, at least 0 and below 180, rounded to 0.01.
-    With flight lines in this direction, the number of lines is smallest.
+    Flight lines in this direction are as few as possible.
     """
     corners = shapely.get_coordinates(shapely.oriented_envelope(shape))
     sides = np.diff(corners[:3], axis=0)
@@ -256,7 +258,7 @@ def _without_slivers(shape: Any, outline: Outline) -> tuple[Any, list[Message]]:
 def _elsewhere(
     outline: Outline, shape: Any, what: str, whole: Any, origin: tuple[float, float]
 ) -> Message:
-    """The warning that the shape in a file does not overlap the area.
+    """Make the warning that the shape in a file does not overlap the area.
 
     Raises
     ------
@@ -274,9 +276,6 @@ def _elsewhere(
                 "give the longitude before the latitude",
             )
     return Message("elsewhere", f"no {what} of '{outline.path}' is near the area")
-
-
-# From degrees to metres
 
 
 def _middle(outline: Outline) -> tuple[float, float]:
@@ -314,7 +313,7 @@ def _local(ring: NDArray[np.float64], origin: tuple[float, float]) -> NDArray[np
 
 
 def _bent(ring: NDArray[np.float64], origin: tuple[float, float]) -> NDArray[np.float64]:
-    """A ring in metres, with its edges divided so that the error is at most `BEND_M`."""
+    """A ring in metres. Its edges are divided so that their deviation is at most `BEND_M`."""
     # Longitudes change along the short way around the earth.
     steps = (np.diff(ring[:, 0]) + 180.0) % 360.0 - 180.0
     degrees = np.column_stack([ring[0, 0] + np.append(0.0, np.cumsum(steps)), ring[:, 1]])
@@ -374,10 +373,11 @@ def _sound(polygon: Any) -> Any:
 
 
 def _without_specks(shape: Any) -> Any:
-    """The polygons of a repaired shape without those that have no width, unless none are left.
+    """The polygons of a repaired shape, except those without a width. If no polygon has a width,
+    the shape is returned unchanged.
 
-    A spike whose sides cross after rounding becomes such a polygon.  If its sides are equal, the
-    repair makes a line of it, which is left out as well.
+    A spike whose sides cross after rounding becomes such a polygon. If the sides of the spike are
+    equal, the repair replaces it by a line, which is left out as well.
     """
     parts = shapely.get_parts(shape)
     wide = shapely.area(parts) > 0.5 * THINNEST_M * shapely.length(parts)
@@ -400,10 +400,11 @@ def _reason(polygon: Any, origin: tuple[float, float]) -> str:
 def _simplified(shape: Any, *, outward: bool) -> tuple[Any, float]:
     """A simplified shape, and the distance by which the boundary moved.
 
-    The simplified shape contains the given shape, or is inside it.  A ring that was simplified by
-    the algorithm of Douglas and Peucker can be deformed continuously into the given ring, within
-    the tolerance around its new edges.  A point that is farther away from these edges is therefore
-    inside both rings or outside both.  This is true even if the simplified rings cross each other.
+    The simplified shape contains the given shape, or is inside it. The boundary is simplified by
+    the algorithm of Douglas and Peucker. The new ring can be deformed continuously into the given
+    ring without leaving the neighbourhood of the new edges, whose width is the tolerance. A point
+    outside this neighbourhood is therefore inside both rings or outside both rings. This is true
+    even if the simplified rings cross each other.
     """
     if shapely.get_num_coordinates(shape) <= MOST_VERTICES:
         return shape, 0.0

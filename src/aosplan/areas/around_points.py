@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from aosplan.messages import Message
 
 CORNERS = 32
-"""Number of corners of the polygon around a disc.  Its area is 0.3 % larger than the area of the
-disc.
+"""Number of corners of the polygon around a disc. The area of the polygon is 0.3 % larger than that
+of the disc.
 """
 
 MOST_POINTS = 1000
 
 
 def read_surroundings(path: str, radius_m: float) -> Outline:
-    """Read the points of a file, and return a polygon around each.
+    """Read the points of a file, and return a polygon around each point.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Reading of boundaries from GeoJSON, KML, KMZ and other vector files, with limits on size and
 depth.
 
-The content of a file determines its type; the name does not.  Polygons and points are read.  Lines
-are only counted and reported.  Heights are ignored.  XML document types, and therefore entities,
-are refused.  Only one member of a KMZ archive is read, up to a size limit.
+The content of a file determines its type; the name does not. Polygons and points are read. Lines
+are only counted and reported. Heights are ignored. XML files with a document type, which may define
+entities, are refused. One member of a KMZ archive is read, and its size is limited.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ BROKEN = (
     zlib.error,
     lzma.LZMAError,
     struct.error,
-    RuntimeError,  # raised for encrypted members and unknown compression
+    RuntimeError,  # raised for encrypted members and for unknown compression methods
     EOFError,
     LookupError,
     OSError,
@@ -160,7 +160,7 @@ def _read_vectors(path: str, outline: Outline) -> None:
 
 
 def listed(counts: Counter[str]) -> str:
-    """The kinds of objects and their numbers as text."""
+    """The kinds of objects, and the number of objects of each kind, as text."""
     return ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items()))
 
 
@@ -189,8 +189,8 @@ def _read_geojson(table: dict[str, Any], outline: Outline) -> None:
 
 
 def _stated_crs(node: dict[str, Any], above: str, place: str, path: str) -> str:
-    """The coordinate reference system of an object: that in the object, or that of the object
-    around it.
+    """The coordinate reference system that an object states, or else the system of the object that
+    contains it.
 
     In GeoJSON of 2008, any object may have a member ``crs``.
     """
@@ -365,7 +365,7 @@ class _KmlReader:
 
     def read(self, content: bytes, encoding: str | None = None) -> None:
         """Parse a document and add its polygons to the outline."""
-        # Prefixes of names are ignored, because many programs do not declare them.
+        # Namespace prefixes are ignored, because many programs do not declare them.
         parser = expat.ParserCreate(encoding)
         parser.buffer_text = True
         parser.StartDoctypeDeclHandler = self._doctype
@@ -374,7 +374,7 @@ class _KmlReader:
         parser.CharacterDataHandler = self._characters
         try:
             parser.Parse(content, True)
-        # Unknown encodings raise these errors too.
+        # Python raises these errors for unknown encodings.
         except (expat.ExpatError, LookupError, ValueError) as error:
             raise RequestError(f"'{self.outline.path}' is not valid XML: {error}") from None
 
@@ -484,7 +484,7 @@ def _document_name(names: list[str], path: str) -> str:
             f"'{path}' is an archive without a KML document",
             "if it contains files of another format, unpack it",
         )
-    # The root document is at the top level. It refers to the documents in folders.
+    # The root document is at the top level of the archive. It refers to the documents in folders.
     top = [name for name in documents if "/" not in name and "\\" not in name]
     usual = [name for name in top if name.lower() == "doc.kml"]
     chosen = usual or top or documents

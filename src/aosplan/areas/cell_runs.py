@@ -38,8 +38,8 @@ class CellRuns(NamedTuple):
         return offsets + np.arange(len(offsets))
 
     def dilated(self, runs: Iterable[tuple[int, int]]) -> CellRuns:
-        """All sums of a number in this set and a number in the given runs.  A run is a pair (first,
-        last).
+        """All sums of a number in this set and a number in the given runs. Each given run is a pair
+        (first, last).
         """
         pairs = [(self.start + first, self.stop + last) for first, last in runs]
         return united(

@@ -1,22 +1,25 @@
 """The coverage rule: the sites of a lattice that an area needs, and the ground that they cover.
 
-A *window* is the grid of a plan: R rows and C columns of sites, N of which are used.  A window that
+A *window* is the grid of a plan: R rows and C columns of sites, N of which are used. A window that
 is repeated in all directions gives a lattice, with the pitch p_x along the heading and p_y across
-it.  **A point is covered if the rectangle of C p_x by R p_y around it, including its border,
-contains at least N sites.**  This rectangle is the aperture plus one pitch.  It is the smallest rectangle that contains C x R lattice sites for every position of the point. Along each axis, the distance between these sites and the point is at most half the rectangle's side.  The point is therefore in all their images
-if the footprint is at least as large as the rectangle.
+it. **A point is covered if the rectangle of C p_x by R p_y around it, including its border,
+contains at least N sites.** Along each axis, the rectangle is one pitch longer than the aperture.
+It is the smallest rectangle that contains C x R lattice sites for every position of the point.
+Along each axis, the distance between these sites and the point is at most half the side of the
+rectangle. If the footprint is at least as large as the rectangle, the images from all these sites
+therefore show the point.
 
-The lattice divides the ground into cells of p_x by p_y.  A *placement* is one position of the
-window on the lattice.  Each cell surrounds the centre of one placement.  The placement nearest to a
-point is inside the point's rectangle.  An area needs the sites of those placements whose cells it
-overlaps.  Each point then sees exactly the planned pattern, including the gaps of trimmed grids,
-and is at most half a pitch away from the centre of the pattern.  If sites are dropped later, the
-remaining coverage is *counted* cell by cell, because all points of a cell have the same C x R sites
-around them.
+The lattice divides the ground into cells of p_x by p_y. A *placement* is one position of the window
+on the lattice. Each cell surrounds the centre of one placement. The placement nearest to a point is
+inside the point's rectangle. An area needs the sites of those placements whose cells it overlaps.
+Each point is then seen from exactly the sites of the planned pattern, including the gaps of trimmed
+grids. Along each axis, the point is at most half a pitch away from the centre of the pattern. If
+sites are dropped later, the remaining coverage is *counted* cell by cell, because all points of a
+cell have the same C x R sites around them.
 
-Clear ground needs one site whose image contains it.  This may be a site that is flown for
-neighbouring canopy.  For the remaining clear ground, sites are chosen greedily, strip by strip, by
-the cells that their images contain completely.
+Clear ground needs one site whose image contains it. This may be a site that is flown for
+neighbouring canopy. For the remaining clear ground, sites are added strip by strip. Only cells that
+are completely inside an image count as seen.
 
 Distances of less than `SLACK` pitches are treated as zero.
 """
@@ -44,8 +47,8 @@ MOST_CELLS = 2**60
 """Largest number of cells of a lattice, so that their numbers fit in 64 bits."""
 
 SLACK = 1e-9
-"""Tolerance as a share of the pitch.  If an area overlaps a cell by less than this, the cell is not
-counted.
+"""Tolerance as a share of the pitch. A cell that an area overlaps by less than this is not counted
+as overlapped.
 """
 
 
@@ -181,7 +184,7 @@ def overlapped_cells(shape: Any, lattice: CellLattice) -> CellRuns:
 
 
 def _repeated(first: Whole, stop: Whole) -> tuple[Whole, Whole]:
-    """All pairs of an index and a whole number from its `first` to its `stop` - 1, as two
+    """All pairs of an index i and a whole number from ``first[i]`` to ``stop[i] - 1``, as two
     arrays.
     """
     count = np.maximum(stop - first, 0)
@@ -190,13 +193,13 @@ def _repeated(first: Whole, stop: Whole) -> tuple[Whole, Whole]:
 
 
 def _x_at(lower: Points, upper: Points, y: NDArray[Any]) -> NDArray[np.float64]:
-    """x of edges at a given y.  If an edge does not reach this y, it is the x of its nearest
-    end.
+    """x coordinate of each edge at a given y. For an edge that does not reach this y, the x of its
+    nearest end is returned.
     """
     rise = upper[:, 1] - lower[:, 1]
     share = (y - lower[:, 1]) / np.where(rise > 0.0, rise, 1.0)
     share = np.where(rise > 0.0, np.clip(share, 0.0, 1.0), y > lower[:, 1])
-    # A weighted mean is used, because it is exact at both ends.
+    # A weighted mean of the ends is used, because it is exact at both ends.
     x: NDArray[np.float64] = (1.0 - share) * lower[:, 0] + share * upper[:, 0]
     return x
 
@@ -232,8 +235,8 @@ def site_counts(sites: Whole, placements: Whole, window: RequiredGrid, stride: i
 
 
 def image_cells(footprint_m: tuple[float, float], pitch_m: tuple[float, float]) -> tuple[int, int]:
-    """Number of columns and number of rows of cells around a site that its image contains.  Both
-    are odd.
+    """Numbers of columns and of rows of cells that the image of a site contains. Both numbers are
+    odd.
     """
     columns, rows = (
         2 * math.floor(0.5 * (size / pitch - 1.0) + SLACK) + 1
@@ -252,7 +255,7 @@ def seen_cells(sites: CellRuns, image: tuple[int, int], stride: int) -> CellRuns
 
 
 def sites_seeing(cells: CellRuns, image: tuple[int, int], stride: int) -> Whole:
-    """A small set of sites whose images contain all cells, chosen greedily strip by strip."""
+    """Choose few sites whose images contain all cells. The sites are chosen strip by strip."""
     columns, rows = image
     row, first = np.divmod(cells.start, stride)
     last = (cells.stop - 1) % stride

@@ -1,4 +1,4 @@
-"""Counting of the crossings of boundaries, up to a limit.
+"""Counts the crossings of boundaries, up to a limit.
 
 A boundary of n edges may cross itself n²/2 times, and an overlay creates a vertex at every
 crossing.  An overlay of 12 kB of GeoJSON can take minutes, and an overlay of 80 kB can need
@@ -46,7 +46,7 @@ def cross_often(shapes: Sequence[Any], most: int) -> bool:
     for start in range(0, len(edges), at_once):
         one, other = tree.query(tree.geometries[start : start + at_once])
         one += start
-        later = other > one  # This includes each pair once.
+        later = other > one  # With this condition, each pair of edges is tested once.
         one, other = one[later], other[later]
         crossings += int(np.count_nonzero(_cross(edges[one], edges[other])))
         pairs += len(one)
@@ -69,7 +69,7 @@ def _cross(one: Floats, other: Floats) -> NDArray[np.bool_]:
 
 
 def _apart(edge: Floats, other: Floats) -> NDArray[np.bool_]:
-    """Whether the ends of the other edge are on opposite sides of an edge."""
+    """Whether the two ends of `other` are on opposite sides of `edge`."""
     along = edge[:, 1] - edge[:, 0]
     off = other - edge[:, :1]
     sides = along[:, None, 0] * off[..., 1] - along[:, None, 1] * off[..., 0]

@@ -1,4 +1,5 @@
-"""Size of an area along and across a heading, and lower bounds of the number of sites over it.
+"""Size of an area along and across a heading, and lower bounds for the number of sites that cover
+it.
 
 With these bounds, a search can skip grids that take too long to fly, without computing their sites.
 """
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from aosplan.areas.area import Area
 
 SLACK = 1e-6
-"""Share by which the bounds are lowered, because coordinates are rounded."""
+"""The bounds are lowered by this share, because coordinates are rounded."""
 
 
 class Extent(NamedTuple):
@@ -26,7 +27,7 @@ class Extent(NamedTuple):
     Attributes
     ----------
     area_m2
-        Its area.
+        Size of the area.
     along_m, across_m
         Length of the projection of the area on the heading, and on the direction across the
         heading.  Gaps between its parts are not included.
@@ -80,7 +81,7 @@ def least_lattice(
     Returns
     -------
     sites, lines
-        Both are at least 1.
+        Lower bounds of the number of sites and of the number of lines, both at least 1.
     """
     x, y = pitch_m
     longer, wider = (columns - 1) * x, (rows - 1) * y

@@ -1,7 +1,8 @@
 """Search for nearest points.
 
-Few points are all compared; for many points, a tree is used.  Importing SciPy's tree takes longer
-than the rest of a plan over a small area.
+Up to `MOST_COMPARED` points are compared directly. For more points, a tree of SciPy is used. It is
+not used for few points, because importing it takes longer than the rest of a plan over a small
+area.
 """
 
 from __future__ import annotations

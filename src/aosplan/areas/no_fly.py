@@ -1,6 +1,6 @@
 """Shortest paths around no-fly zones.
 
-The paths turn at corners of slightly larger zones.  Sites and legs keep a distance of at least
+The paths turn at the corners of slightly enlarged zones. Sites and legs keep a distance of at least
 `MARGIN_M` / 2 from a zone, because mission files contain rounded coordinates.
 """
 
@@ -65,7 +65,9 @@ class NoFlyZones:
         return hit
 
     def cross(self, start: Points, stop: Points) -> NDArray[np.bool_]:
-        """Whether each of the legs, with ends of shape (n, 2), passes through a zone."""
+        """Whether each leg passes through a zone. `start` and `stop` are the ends of the legs,
+        shape (n, 2).
+        """
         crossing = np.zeros(len(start), bool)
         if self._is_empty:
             return crossing
@@ -82,9 +84,9 @@ class NoFlyZones:
     def crosses(self, start: Sequence[float], stop: Sequence[float]) -> bool:
         """Whether one leg passes through a zone.
 
-        This is `cross` for one leg.  A leg that is clearly beside all zones is decided without
-        arrays.  This saves time, because many thousands of legs are tested one by one when a tour
-        is improved.
+        This is `cross` for a single leg. If the leg is clearly outside all zones, no arrays are
+        used. This saves time, because many thousands of legs are tested one by one when a tour is
+        improved.
         """
         x_low, y_low, x_high, y_high = self._bounds
         (ax, ay), (bx, by) = start, stop
@@ -119,8 +121,8 @@ class NoFlyZones:
         """The corners at which the shortest path between two points turns; None if there is no
         path.
 
-        The search is A* over the corners.  Whether the leg between two corners is free is computed
-        only when it is needed.
+        The search is A* over the corners. The legs between corners are tested for zones only when
+        the search needs them.
         """
         key = (*start.tolist(), *stop.tolist())
         if key not in self._ways:
@@ -177,8 +179,8 @@ class NoFlyZones:
 
 
 def _corners(shape: Any) -> Points:
-    """The convex corners of a shape, shape (n, 2).  A shortest path around it turns only at such
-    corners.
+    """The convex corners of a shape, shape (n, 2). A shortest path around the shape turns only at
+    convex corners.
     """
     found = [np.empty((0, 2))]
     for part in shapely.get_parts(shape):

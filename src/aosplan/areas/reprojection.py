@@ -17,17 +17,19 @@ if TYPE_CHECKING:
     from pyproj import Transformer
 
 PROJECTED_WITHIN_M = 5.0
-"""Largest uncertainty of the datum with which a projected system is accepted.  For NAD 83, it is 4
-m.
+"""A projected system is accepted if the uncertainty of its datum is at most this. The uncertainty
+of NAD 83 is 4 m.
 """
 
 DEGREES_WITHIN_M = 1.0
-"""Largest uncertainty of the datum with which a system in degrees, such as ETRS89, is accepted."""
+"""A system in degrees, such as ETRS89, is accepted if the uncertainty of its datum is at
+most this.
+"""
 
 
 class Reprojection(NamedTuple):
-    """Conversion from the coordinates of a file to longitude and latitude, and a description of the
-    conversion.
+    """Conversion from the coordinates of a file to longitude and latitude, with a description for
+    messages.
     """
 
     transformer: Transformer
@@ -51,8 +53,8 @@ class Reprojection(NamedTuple):
                 "degrees",
                 "give the coordinate reference system in which the coordinates are",
             )
-        # Lists are passed, because older versions of pyproj treat an array with one value as a
-        # number.
+        # Lists are passed instead of arrays, because older versions of pyproj treat an array with
+        # one value as a number.
         found = np.column_stack(self.transformer.transform(*points.T.tolist()))
         if not np.isfinite(found).all():
             raise RequestError(f"{place}: the coordinates do not fit {self.name}")
@@ -137,8 +139,8 @@ def reprojection(name: str, path: str) -> Reprojection | None:
 def _accuracy_m(transformer: Transformer) -> float:
     """Accuracy of a transformation [m]; negative if it is not known.
 
-    A conversion that keeps the datum is exact.  For such conversions, PROJ 9.8 no longer states an
-    accuracy.
+    A conversion that does not change the datum is exact. PROJ 9.8 and later do not state an
+    accuracy for such conversions.
     """
     steps = transformer.operations or ()
     if steps and all(step.type_name == "Conversion" for step in steps):

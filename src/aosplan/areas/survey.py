@@ -1,4 +1,6 @@
-"""Surveys: the waypoints over an area for the grid of a plan, and the ground that they cover."""
+"""Surveys: the waypoints that cover an area with the grid of a plan, and the ground that they
+cover.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,8 @@ class Survey(NamedTuple):
         Smallest number of sites in the rectangle around any point below canopy; None without
         canopy.
     sites, sites_in_rectangle
-        Number of sites that are flown, and number of sites of the whole rectangle around the area.
+        Number of sites that are flown, and number of sites that the whole rectangle around the area
+        would need.
     sites_in_no_fly, sites_enclosed
         Number of sites that were dropped because they are in a no-fly zone or enclosed by one.
     rectangle_m, pitch_m
@@ -71,7 +74,7 @@ class Survey(NamedTuple):
     shortest_m
         Lower bound of `length_m` for any order of the sites.
     simplified_m, projection_error
-        As in `aosplan.areas.area`.
+        The attributes of `aosplan.areas.area.Area` with these names.
     notices
         Warnings for the user.
     """
@@ -261,7 +264,7 @@ def _check_size(shape: Any, cell_m: tuple[float, float], samples: int, max_sites
     for part in shapely.get_parts(shape):
         x_low, y_low, x_high, y_high = shapely.bounds(part)
         least = max(least, (x_high - x_low) / x_pitch, (y_high - y_low) / y_pitch)
-    # The sum of two sets of lattice points has at least |A| + |B| - 1 points.
+    # The Minkowski sum of two sets A and B of lattice points has at least |A| + |B| - 1 points.
     _refuse_more(math.ceil(least * (1.0 - 1e-9)) + samples - 1, max_sites, "at least ")
 
 
@@ -302,8 +305,8 @@ def _allowed(wanted: Whole, at_sites: CellLattice, zones: NoFlyZones) -> tuple[W
 
 
 def routed(points: Points, zones: NoFlyZones) -> tuple[Points, list[bool]]:
-    """The path through points and around zones.  For each point of the path, it is returned whether
-    a photo is taken there.
+    """The points of the path through given points and around zones, and a mask of the points at
+    which a photo is taken.
     """
     if not zones:
         return points, [True] * len(points)
@@ -313,7 +316,7 @@ def routed(points: Points, zones: NoFlyZones) -> tuple[Points, list[bool]]:
     done = 1
     for leg in crossing.tolist():
         turns = zones.around(points[leg], points[leg + 1])
-        # Enclosed sites have been dropped before, so that there is a path.
+        # There is a path, because enclosed sites have been dropped before.
         assert turns is not None
         way += [points[done : leg + 1], np.array(turns).reshape(-1, 2)]
         photo += [True] * (leg + 1 - done) + [False] * len(turns)

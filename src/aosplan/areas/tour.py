@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     Points = NDArray[np.float64]
 
 MOST_IMPROVED = 5_000
-"""Largest number of sites of a tour that is improved."""
+"""Tours with more sites than this are not improved."""
 
 NEIGHBOURS = 8
 """Number of nearest sites that a move considers as the next site."""
 
 LONGEST_PIECE = 3
-"""Largest number of sites that an Or-opt move takes to another position in the tour."""
+"""Largest number of consecutive sites that an Or-opt move takes to another position in the tour."""
 
 
 class Tour(NamedTuple):
@@ -105,8 +105,8 @@ def shortest_m(cells: Whole, stride: int, points: Points) -> float:
     """Lower bound of the path length for any order of the sites: the length of their minimum
     spanning tree.
 
-    The edges of the tree connect neighbours of the lattice, or sites at the border of the set.  A
-    Delaunay triangulation contains all edges between border sites that are needed.
+    Each edge of the tree connects either neighbours of the lattice or sites at the border of the
+    set. A Delaunay triangulation contains all edges between border sites that the tree may need.
     """
     if len(cells) < 2:
         return 0.0
@@ -123,7 +123,7 @@ def shortest_m(cells: Whole, stride: int, points: Points) -> float:
         lengths = np.hypot(*(points[one] - points[other]).T)
         least = float(lengths.min())
         short = lengths <= least * (1.0 + 1e-9)
-        # The smallest distance between two sites of a lattice is that of direct neighbours.
+        # Direct neighbours of a lattice have the smallest distance of all pairs of sites.
         if _are_joined(one[short], other[short], len(cells)):
             return least * (len(cells) - 1)
     outer = np.flatnonzero(border)
@@ -146,8 +146,8 @@ def shortest_m(cells: Whole, stride: int, points: Points) -> float:
 
 
 def _are_joined(one: Whole, other: Whole, size: int) -> bool:
-    """Whether edges connect all nodes.  SciPy's connected components would take longer to
-    import.
+    """Whether edges connect all nodes. SciPy has a function for this, but importing it would take
+    longer.
     """
     above = list(range(size))
 
@@ -182,8 +182,8 @@ def _graph(lengths: Points, one: Whole, other: Whole, kept: NDArray[np.bool_], s
 
 
 def _triangulated(points: Points) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Ends of the edges of a Delaunay triangulation.  If all points are on a line, ends of the
-    segments between them.
+    """Ends of the edges of a Delaunay triangulation. If all points are on a line, these are the
+    ends of the segments between neighbouring points.
     """
     middle = points.mean(axis=0)
     spread = np.linalg.svd(points - middle, full_matrices=False)
@@ -219,7 +219,8 @@ def _by_lines(line: Whole, place: Whole, points: Points, zones: NoFlyZones) -> N
 
 
 def _linked(ends: Points, zones: NoFlyZones) -> list[tuple[int, bool]]:
-    """Lines in the order of their nearest ends, and whether each is flown forwards.
+    """Lines in an order in which each is followed by the line with the nearest end, and whether
+    each is flown forwards.
 
     `ends` has the first points of all lines, followed by their last points.
     """
@@ -244,8 +245,8 @@ def _linked(ends: Points, zones: NoFlyZones) -> list[tuple[int, bool]]:
 def _nearest(
     here: Points, tree: Nearest, names: NDArray[np.intp], left: NDArray[np.bool_], zones: NoFlyZones
 ) -> int:
-    """The nearest remaining end of a line.  Among the nearest few, an end with a free path is
-    preferred.
+    """The nearest remaining end of a line. Among the few nearest ends, an end with a direct path
+    outside all zones is preferred.
     """
     wanted = 16
     while True:
@@ -267,7 +268,8 @@ def _nearest(
 class _Circle:
     """A tour, its costs, and moves that improve it.
 
-    An artificial site closes the tour; its distance to every site is 0.
+    An artificial site connects the end of the tour with its start. The time between it and every
+    other site is 0.
     """
 
     def __init__(
@@ -315,8 +317,8 @@ class _Circle:
         return self.tour[self.place[site] - 1]
 
     def reverse(self, first: int, last: int) -> None:
-        """Reverse the part of the tour from one site to another.  Reversing the rest of the tour
-        instead is equivalent.
+        """Reverse the part of the tour from one site to another. The rest of the tour may be
+        reversed instead, which gives the same closed tour.
         """
         size = len(self.tour)
         i, j = self.place[first], self.place[last]
@@ -407,7 +409,7 @@ class _Circle:
 def _improved(
     order: NDArray[np.intp], points: Points, leg_s: Callable[[float], float], zones: NoFlyZones
 ) -> NDArray[np.intp]:
-    """A tour that no 2-opt or Or-opt move among near neighbours can improve."""
+    """Improve a tour until no 2-opt or Or-opt move among near neighbours makes it faster."""
     circle = _Circle(order, points, leg_s, zones)
     found = Nearest(points).to(points, min(NEIGHBOURS + 1, len(points)))
     near = [[other for other in row if other != site] for site, row in enumerate(found.tolist())]

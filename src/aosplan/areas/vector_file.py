@@ -34,7 +34,7 @@ OPEN_SHARE = 0.1
 
 
 def is_vector_file(path: str, start: bytes) -> bool:
-    """Whether a file has to be read by pyogrio, according to its first bytes or its extension."""
+    """Whether the first bytes or the extension of a file show that pyogrio has to read it."""
     if start.startswith(MAGIC) or b"<gpx" in start[:2000]:
         return True
     return path.lower().endswith((".tab", ".mif"))

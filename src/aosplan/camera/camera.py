@@ -25,7 +25,7 @@ def focal_length_of_fov(fov_deg: Any, xp: Any = SCALARS) -> Any:
 
 
 class Optics(Generic[T]):
-    """The formulas of a pinhole camera that looks straight down, or of a column of cameras."""
+    """Formulas for a pinhole camera that looks straight down, or for a column of such cameras."""
 
     focal_length_mm: Any
     sensor_width_mm: Any
@@ -113,8 +113,8 @@ class Camera(Optics[float]):
     def from_field_of_view(
         cls, fov_deg: float, image_width_px: int, image_height_px: int, *, name: str = "custom"
     ) -> Camera:
-        """A camera with a given horizontal field of view [deg].  The sensor width is set to 1 mm,
-        because only its ratio to the focal length matters.
+        """Make a camera with a given horizontal field of view [deg]. Its sensor width is set to 1
+        mm, because only the ratio of the sensor width to the focal length matters.
         """
         if not 0.0 < fov_deg < 180.0:
             raise RequestError(f"field of view {fov_deg:g} is not between 0 and 180 degrees")

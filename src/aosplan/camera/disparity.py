@@ -1,10 +1,11 @@
 """Disparity of occluders, and the baseline of the coverage rule.
 
 An occluder of size o at height H above the focal plane is seen from altitude h by a camera with
-focal length f (pixels).  The image of the occluder is f o/(h - H) pixels large.  Between two
-samples at the distance b, this image moves by f b (1/(h-H) - 1/h) pixels.  The normalised disparity
-d̂ = b H/(h o) is the movement divided by the size.  It does not depend on the camera, unless the
-image is smaller than a pixel.  Such an occluder has to move by one pixel.
+focal length f (pixels). The image of the occluder is f o/(h - H) pixels large. Between two samples
+at the distance b, this image moves by f b (1/(h-H) - 1/h) pixels. The normalised disparity d̂ = b
+H/(h o) is the movement divided by the size. It does not depend on the camera, unless the image of
+the occluder is smaller than a pixel. The size of such an occluder is taken as one pixel, so it has
+to move by one pixel to reach d̂ = 1.
 """
 
 from __future__ import annotations
@@ -49,11 +50,11 @@ def baseline_for_disparity_px(
 
 
 def covered_height_m(bottom_m: Any, top_m: Any, coverage: Any) -> Any:
-    """Height above which the share `coverage` of the occluders between two heights lies.
+    """Height above which the share `coverage` of the occluders between two heights is found.
 
-    The occluders are distributed uniformly in height.  The formula adds a part of the interval to
-    its bottom instead of subtracting from its top.  This avoids cancellation for the lowest
-    occluders, which determine the baseline.
+    The occluders are distributed uniformly in height. The formula adds a part of the interval to
+    its bottom. Subtracting a part from its top would cause cancellation for the lowest occluders,
+    which determine the baseline.
     """
     return bottom_m + (1.0 - coverage) * (top_m - bottom_m)
 
@@ -61,8 +62,8 @@ def covered_height_m(bottom_m: Any, top_m: Any, coverage: Any) -> Any:
 def unit_baseline_m(
     occluder_size_m: Any, height_m: Any, altitude_m: Any, focal_length_px: Any, xp: Any = SCALARS
 ) -> Any:
-    """Baseline [m] at which an occluder has d̂ = 1.  An occluder smaller than a pixel is treated as
-    one pixel large.
+    """Baseline [m] at which an occluder has d̂ = 1. An occluder that is smaller than a pixel is
+    treated as if it were one pixel large.
 
     Heights are greater than 0.  The arguments are floats, or arrays with numpy as `xp`.
     """
@@ -115,7 +116,8 @@ def coverage_baseline(
     altitude_m
         Altitude above the focal plane.
     focal_length_px
-        Focal length; occluders smaller than a pixel are treated as one pixel large.
+        Focal length in pixels. Occluders that are smaller than a pixel are treated as if they were
+        one pixel large.
     coverage
         Required share, greater than 0 and at most 1.
 
@@ -161,7 +163,8 @@ def _unit_baseline_m(
 
 
 def baseline_curve(slabs: Sequence[Slab]) -> list[tuple[float, float]]:
-    """Baseline divided by altitude, and the share of the occluders with d̂ >= 1 at that baseline.
+    """Curve of the share of the occluders with d̂ >= 1 against the baseline divided by the
+    altitude.
 
     The curve has one knot for each bottom and top of a slab, in order of increasing baseline.  A
     bottom on the focal plane has no knot, because occluders there have no disparity.  If there are
@@ -222,8 +225,8 @@ def _unit_height_m(
 
 def _share_above(slab: Slab, height_m: float) -> float:
     if slab.top_m == slab.bottom_m:
-        # The baseline may have been computed from this height. Equality is therefore tested with a
-        # tolerance.
+        # The comparison needs a tolerance, because the baseline may have been computed from this
+        # height.
         return 1.0 if slab.top_m >= height_m * (1.0 - 1e-12) else 0.0
     share = (slab.top_m - height_m) / (slab.top_m - slab.bottom_m)
     return min(max(share, 0.0), 1.0)

@@ -1,4 +1,6 @@
-"""The command group, which imports a command when it is called and prints errors in one line."""
+"""The command group. It imports a command only when the command is called, and prints errors in one
+line.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,7 @@ class LazyGroup(TyperGroup):
         return name, command, rest
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 (the signature is inherited)
-        """Write the summaries of the commands by group of the help."""
+        """Write the summaries of the commands, in the groups of the help."""
         for panel, summaries in PANELS.items():
             with formatter.section(panel):
                 formatter.write_dl(list(summaries.items()))
@@ -145,7 +147,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def leave(status: int) -> None:
-    """Exit without a final garbage collection, because the system frees the memory anyway."""
+    """Exit without a final garbage collection. The operating system frees the memory."""
     gc.freeze()  # A final garbage collection would take 20 % of the time of a plan.
     sys.exit(status)
 
@@ -232,8 +234,8 @@ def _check_unicode(arguments: Sequence[str]) -> None:
 
 
 def _interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is the cause of an error.  Python wraps an exception that is raised while a
-    class is created.
+    """Whether Ctrl-C is the cause of an error. If Ctrl-C is pressed while a class is created,
+    Python raises another exception, with KeyboardInterrupt as its cause.
     """
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
@@ -246,7 +248,7 @@ def _write_what_can_be_shown() -> None:
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            # This setting is for text that is not Unicode, such as parts of file names.
+            # This setting is for text that is not valid Unicode, for example in file names.
             errors = "replace"
             if not stream.encoding.lower().startswith("utf"):
                 from aosplan.show.text.terminal import HANDLER
@@ -268,8 +270,8 @@ def _report(message: str, hint: str, status: int) -> int:
 
 
 def _unheard() -> int:
-    """Discard the buffers of closed or full streams, so that they do not raise further errors at
-    exit.
+    """Discard the buffers of streams that are closed or full. Otherwise, Python would raise further
+    errors at exit.
     """
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):

@@ -1,4 +1,4 @@
-"""Completion in shells: lists candidates for the word at the cursor.
+"""Completion in shells: prints candidates for the word at the cursor.
 
 ``--show-completion SHELL`` prints a shell function.  This function runs ``aosplan`` with `VARIABLE`
 set to the name of the shell.  The arguments are the words before the cursor. bash and PowerShell
@@ -27,7 +27,7 @@ VARIABLE = "AOSPLAN_COMPLETE"
 
 
 class Values(NamedTuple):
-    """Values of an option or argument: known words, and files with some extensions.
+    """Values of an option or argument: known words, and files with certain extensions.
 
     If there are no extensions, no files are suggested.  An empty extension means any file.
     """
@@ -144,10 +144,10 @@ OWN = {
     ("tradeoff", "out"): Values(endings=(".csv", ".json", ".jsonl")),
     ("visibility", "grid"): Values(),
 }
-"""Completions of single commands that differ from those in `VALUES`."""
+"""Completions of single commands that replace the completions in `VALUES`."""
 
 AFTER = {("plot", "paper"): _of("show.figures.paper.registry", "FIGURES")}
-"""Completions of the argument after a certain word of a command."""
+"""Completions of the argument that follows a certain word of a command."""
 
 Candidate = tuple[str, str]
 """A word and its meaning."""
@@ -171,17 +171,17 @@ def answer(group: TyperGroup) -> None:
 
 
 def _of_powershell() -> list[str]:
-    """Words of PowerShell's line after the program.  In PowerShell, a backslash separates
-    folders.
+    """Words of PowerShell's line after the name of the program. A backslash is not an escape here,
+    because it separates folders.
     """
     line = os.environ.get("COMP_LINE", "").replace("\\", "\\\\")
     return [word.replace("\\\\", "\\") for word in _words(line)[1:]]
 
 
 def _for_bash(line: str, breaks: str, group: TyperGroup) -> list[str]:
-    """Candidates for a line up to the cursor, without the part before the last word of bash.
-
-    bash inserts a candidate at the beginning of its last word.
+    """Candidates for a line up to the cursor. bash splits words at more characters than other
+    shells, and inserts a candidate at the beginning of its own last word. The part of the candidate
+    before that word is therefore removed.
     """
     words = _words(line)
     found = [word for word, _ in candidates(words[1:], group)]
@@ -205,7 +205,7 @@ def _words(line: str) -> list[str]:
 
 
 def candidates(words: Sequence[str], group: TyperGroup) -> list[Candidate]:
-    """Candidates for the last of some words that follow the name of the program."""
+    """Candidates for the last of the words that follow the name of the program."""
     *before, current = words or [""]
     summaries = [(name, _help(each)) for name, each in group.commands.items()]
     name = next((word for word in before if not word.startswith("-")), None)
@@ -278,8 +278,8 @@ def _values(command: str, name: str, current: str) -> list[Candidate]:
 
 
 def _files(current: str, endings: tuple[str, ...]) -> list[str]:
-    """Files with some extensions whose path starts with the given text, and folders, whose path
-    ends with /.
+    """Files and folders whose path starts with the given text. The files have one of the given
+    extensions. The path of a folder ends with /.
     """
     if not endings:
         return []

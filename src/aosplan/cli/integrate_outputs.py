@@ -77,7 +77,7 @@ def contents_of(
     looks: IntegralDisplay,
     averaged: Callable[..., Integral],
 ) -> tuple[dict[str, bytes], tuple[float, float]]:
-    """Contents of files by path, and the values that are drawn black and white in a PNG."""
+    """Contents of files by path, and the two values that are drawn black and white in a PNG."""
     from aosplan.postflight.integral.seeing import local_contrast, with_scale
 
     shown = integral
@@ -153,7 +153,7 @@ def _candidates(
 
 
 def _limits(integral: Integral, least: int, *, stretch: bool) -> tuple[float, float]:
-    """Values that are drawn black and white in a PNG."""
+    """The two values that are drawn black and white in a PNG."""
     import numpy as np
 
     if integral.is_byte and not stretch:

@@ -93,7 +93,7 @@ def _focus_lines(focus: dict[str, Any]) -> Iterator[tuple[str, str]]:
         ),
     )
     if focus["aligned_views"]:
-        # With `--align yaw`, the positions are assumed to be exact, so that nothing is moved and the
+        # With `--align yaw`, the positions are assumed to be exact. No position is moved, and the
         # yaw has no standard deviation.
         deviation, moved = focus["yaw_deviation_deg"], focus["moved_m"]
         yield (

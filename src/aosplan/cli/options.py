@@ -1,4 +1,6 @@
-"""Options that several commands have.  They are created from the table of a request's options."""
+"""Options that several commands have in common. They are created from the table of a request's
+options.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,7 @@ COMMON = frozenset(
 """Options of a plan that ``--help`` shows.  ``--help-all`` shows every option."""
 
 ALL = "aosplan.help_all"
-"""Key in the context of a command whose help shows every option."""
+"""Key in the context of a command. It is set if the help shows every option."""
 
 
 class PanelCommand(TyperCommand):

@@ -46,7 +46,7 @@ def print_warnings(warnings: Iterable[Message], *, quiet: bool = False) -> None:
 def chosen_outputs(
     outputs: Sequence[str], name: str | None, *, force: bool
 ) -> list[tuple[Format, str]]:
-    """Formats and paths of the outputs.  They are checked before any work is done.
+    """Formats and paths of the outputs, which are checked here before any work is done.
 
     Raises
     ------
@@ -106,7 +106,8 @@ def write_outputs(
     Raises
     ------
     RequestError
-        If a mission exceeds the limits of a format, or if two outputs have the same file.
+        If a mission exceeds the limits of a format, or if two outputs would be written to the same
+        file.
     """
     if not chosen and not pages:
         return []
@@ -150,7 +151,7 @@ def _leftovers(path: str, count: int) -> list[str]:
 
 
 PATIENCE_S = 1.0
-"""Time after which the terminal shows the candidates of a search."""
+"""Time from the start of a search after which the terminal shows its candidates."""
 
 
 READING, PLACING = "reading points", "placing points"
@@ -170,8 +171,8 @@ class Bar:
         self._title = ""
 
     def __call__(self, done: int, total: int) -> None:
-        """Show the number of points that have been read and then sorted into voxels, and the steps
-        between and after these.
+        """Show the number of points that have been read, then the number that have been sorted into
+        voxels, and the names of the other steps.
         """
         if 2 * done < total:
             title = READING
@@ -214,7 +215,7 @@ class Bar:
             _stop(self._shown)
 
     def _show(self, title: str) -> None:
-        """Show a step instead of the previous one."""
+        """Show the current step instead of the previous step."""
         if title == self._title:
             return
         if self._shown is not None:

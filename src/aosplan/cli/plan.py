@@ -110,7 +110,9 @@ def run(
 def _detection(
     result: Plan, poa: str | None, *, quiet: bool
 ) -> tuple[DetectionMap, SearchSuccess | None]:
-    """The probability of detection of a plan by place, and that of success with a prior."""
+    """The map of the probability of detection of a plan, and the probability of success if a prior
+    is given.
+    """
     from aosplan.maps.detection_map import detection_map
 
     with waiting_bar("predicting detection by place", quiet=quiet):
@@ -124,7 +126,7 @@ def _detection(
 
 
 def _positions(result: Plan, *, quiet: bool) -> ReciprocalMap:
-    """How much of the target area of a plan each camera position sees."""
+    """The map of how much of the target area of a plan each camera position sees."""
     from aosplan.maps.reciprocal_map import reciprocal_map
 
     with waiting_bar("computing what each position sees", quiet=quiet):
@@ -152,8 +154,8 @@ def _looking(request: str | None, flags: dict[str, Any], defaults: str | None) -
         try:
             wanted = request_of(request, flags, defaults=defaults)
         except RequestError:
-            # The request may be wrong only because it has no target: for example, it may have a
-            # signature.
+            # A request without a target may be wrong for this reason alone. An example is a request
+            # with a signature.
             wanted = None
         if wanted is not None and wanted.find is not None:
             return wanted
@@ -162,7 +164,7 @@ def _looking(request: str | None, flags: dict[str, Any], defaults: str | None) -
 
 
 def _check_prior(poa: str, detection_map: str | None) -> None:
-    """Refuse a prior without a map, or one that cannot be read."""
+    """Refuse a prior if no map is requested, or if the prior cannot be read."""
     from aosplan.files import check_input
 
     if detection_map is None:

@@ -228,12 +228,12 @@ class PlotCommand(PanelCommand):
     """The command; ``plot paper --help`` also lists the figures of the paper."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the arguments, and note whether the help is that of the paper's figures."""
+        """Parse the arguments, and store whether the help should be about the paper's figures."""
         ctx.meta[PAPER] = "paper" in args[:1]
         return super().parse_args(ctx, args)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Add the options to the help text, and a list of the figures to that of ``plot paper``."""
+        """Add the options to the help text. For ``plot paper``, add a list of the figures too."""
         super().format_options(ctx, formatter)
         if ctx.meta.get(PAPER):
             from aosplan.show.figures.paper.registry import FIGURES
@@ -243,7 +243,7 @@ class PlotCommand(PanelCommand):
 
 
 PAPER = "aosplan.paper"
-"""Key in the context of a command line that begins with ``plot paper``."""
+"""Key in the context of a command. It is set if the command line begins with ``plot paper``."""
 
 COMMAND = command(
     "plot",

@@ -120,7 +120,7 @@ def _check_maps(paths: list[str], others: list[str], *, area: bool, force: bool)
 
 def _map_file(found: Review, path: str) -> bytes:
     """A coverage map in the format of a file's extension."""
-    assert found.coverage is not None  # A plan over an area has a coverage.
+    assert found.coverage is not None  # A plan over an area always has a coverage.
     ending = os.path.splitext(path)[1].lower()
     if ending == ".geojson":
         return found.coverage.geojson()

@@ -83,7 +83,7 @@ def run(
 
 
 def _search(result: Plan, settings: Settings, *, quiet: bool) -> SearchComparison | None:
-    """The simulated search for the target of a plan; None if there is no target or if there are no
+    """Simulate the search for the target of a plan; None if there is no target or if there are no
     occluders.
     """
     if result.detection is None or result.coverage is None:
@@ -138,7 +138,7 @@ def _seed(value: str) -> int:
 def _outputs(
     picture: str | None, occlusion_map: str | None, *, force: bool
 ) -> list[tuple[str, str]]:
-    """Names and paths of the pictures.  They are checked before any work is done."""
+    """Names and paths of the pictures, which are checked here before any work is done."""
     outputs = [
         (name, path)
         for name, path in (("picture", picture), ("occlusion_map", occlusion_map))
@@ -159,9 +159,7 @@ def _outputs(
 
 
 def _draw(simulation: Simulation, outputs: list[tuple[str, str]], *, force: bool) -> dict[str, Any]:
-    """Write the pictures.  Returns their similarity to the image of infinitely many views, for the
-    document.
-    """
+    """Write the pictures. Returns the similarity of each to the image of infinitely many views."""
     from aosplan.files import write_all
     from aosplan.simulation.compare import pictures
 

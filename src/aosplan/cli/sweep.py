@@ -168,7 +168,7 @@ def _check_out(out: str, best: str | None, *, resume: bool, force: bool) -> None
 
 @contextlib.contextmanager
 def _kept() -> Iterator[None]:
-    """Context manager that prints the place of the results if the work is interrupted."""
+    """Context manager that prints the path of the finished results if the work is interrupted."""
     try:
         yield
     except KeyboardInterrupt:

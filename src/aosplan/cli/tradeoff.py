@@ -76,8 +76,8 @@ def _cell(value: Any) -> str:
 
 
 def _show(rows: Sequence[dict[str, Any]], out: str | None) -> None:
-    """Print the Pareto front and the chosen row as a table.  If no row meets the target, all rows
-    are printed.
+    """Print the Pareto front and the row of the plan as a table. If no row meets the target, all
+    rows are printed.
     """
     from aosplan.show.text.tables import one_line, print_rows, show
 

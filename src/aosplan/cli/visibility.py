@@ -125,7 +125,7 @@ def _lattice(samples: str | None, grid: str | None, dhat: float) -> tuple[int, f
     side = isqrt(count)
     if dhat >= 1.0:
         return count, 1.0 / count
-    if side * side == count:  # A square of any size has no removed sites.
+    if side * side == count:  # A square grid has no removed sites.
         return count, line_shortfall(side, dhat) ** 2
     if count > MOST_SITES:
         raise RequestError(
@@ -143,8 +143,8 @@ def _positions(path: str, spacing_m: float, heading_deg: float) -> tuple[int, fl
     # The occluders of the model are squares aligned with the heading.
     axis = heading_axis(heading_deg)
     if axis != (0.0, 1.0):
-        # The result is in the order (y, x), which is the order of the axes in the file. The heading
-        # 0 therefore changes nothing.
+        # The result is in the order (y, x), which is the order of the axes in the file. With the
+        # heading 0, this changes nothing.
         points = [turned(x, y, axis)[::-1] for x, y in points]
     return len(points), positions_shortfall(points, spacing_m)
 

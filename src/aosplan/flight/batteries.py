@@ -1,9 +1,9 @@
 """Splitting a path into flights, one per battery.
 
-A flight starts and ends at the take-off point.  The drone climbs to a height that is safe for the
-transit, and flies horizontally to the first waypoint at the transit speed.  From the last waypoint
-it returns in the same way.  The return flight from every waypoint is at a safe height.  If the
-take-off point is not known, it is assumed to be below the first waypoint of the plan.
+A flight starts and ends at the take-off point. The drone climbs to a height that is safe for the
+transit, and flies horizontally to the first waypoint at the transit speed. From the last waypoint
+it returns in the same way. The return flight is at a safe height too, whichever waypoint it starts
+from. If the take-off point is not known, it is assumed to be below the first waypoint of the plan.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class TakeoffPoint(NamedTuple):
     returns_up_m: Sequence[float] | None = None
 
     def way_up_m(self, track: Track, place: int, *, back: bool = False) -> float:
-        """Height of the horizontal transit to a waypoint, or back from a waypoint."""
+        """Height of the horizontal part of the transit to a waypoint, or back from a waypoint."""
         ways = self.returns_up_m if back else self.ways_up_m
         return track.up_m[place] if ways is None else ways[place]
 
@@ -71,7 +71,9 @@ class TakeoffPoint(NamedTuple):
         return level + abs(up - self.up_m) + abs(up - track.up_m[place])
 
     def way_s(self, track: Track, place: int, timing: Timing, *, back: bool = False) -> float:
-        """Time of the transit to a waypoint, or back from it.  With wind, the two times differ."""
+        """Time of the transit to a waypoint, or back from it. Because of wind, the two times may
+        differ.
+        """
         east, north = track.east_m[place] - self.east_m, track.north_m[place] - self.north_m
         sign, flown = -1.0 if back else 1.0, timing.transit
         up = self.way_up_m(track, place, back=back)
@@ -124,7 +126,8 @@ def _shorter(
 def flights_of(
     track: Track, timing: Timing, home: TakeoffPoint, longest_s: float = math.inf
 ) -> tuple[Flight, ...]:
-    """The smallest number of consecutive flights, each of which a single battery allows.
+    """Split the waypoints into as few consecutive flights as possible, so that one battery is
+    enough for each flight.
 
     The order of the sites does not change, and each site is in one flight.  Waypoints between the
     last site of a flight and the first site of the next flight are in neither of the two flights.
@@ -157,7 +160,8 @@ def flights_of(
     if whole.time_s <= longest_s:
         return (whole,)
     parts = list(_parts(track, timing))
-    # Times at which a flight to a single part would start and end, in the time of the whole path.
+    # Times at which a flight to a single part would start and end. Both are on the time axis of the
+    # whole path.
     begun = [times[part.first] - home.way_s(track, part.first, timing) for part in parts]
     landed = [left(part.last) + home.way_s(track, part.last, timing, back=True) for part in parts]
     worst = max(range(len(parts)), key=lambda place: landed[place] - begun[place])

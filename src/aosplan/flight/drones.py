@@ -1,10 +1,11 @@
 """Presets of drones that are used for airborne optical sectioning.
 
-Manufacturers publish top speeds, climb rates, and hovering or flight times in still air.  Few of
-them publish an acceleration, and no manufacturer publishes a cruise speed for missions.  These two
-values are assumed, as the field `assumed` states.  Small quadcopters reach an acceleration of 2
-m/s² at a tilt of about 12 degrees.  At a cruise speed of 10 m/s, the gimbal has time to stabilise.
-A flight of the published time would drain a new battery completely, so a plan should use less.
+Manufacturers publish top speeds, climb rates, and hovering or flight times in still air. Few
+manufacturers publish an acceleration, and none publishes a cruise speed for missions. Values that
+are not published are assumed, and the field `assumed` names them. Small quadcopters reach an
+acceleration of 2 m/s² at a tilt of about 12 degrees. At a cruise speed of 10 m/s, the gimbal has
+time to stabilise. After a flight of the published time, a new battery is empty. The flights of a
+plan should therefore be shorter.
 
 `source` names the manufacturer's page.  `assumed` marks values that come from a single unverified
 reading as "unconfirmed".
@@ -28,8 +29,8 @@ class DronePreset(NamedTuple):
     airspeed_mps: float
     """Highest airspeed outside sport mode.  Missions do not use sport mode."""
     endurance_min: float | None
-    """Longest flight time in still air, until the battery is empty; None for a type of drone with
-    many builds.
+    """Longest flight time in still air, until the battery is empty. It is None for types of drones
+    that are built in many versions.
     """
     most_waypoints: int | None
     """Greatest number of waypoints in a mission; None if it is not published."""

@@ -1,8 +1,8 @@
 """Flight time along straight legs, with limited speed, climb rate and acceleration.
 
 Between two stops, the speed as a function of time is a trapezoid, or a triangle if the leg is
-short.  If the drone stops at every site, each leg is flown in this way.  A drone that flies through
-its sites stops only at turns.  It accelerates over `Timing.run_in_m`, passes the sites at a
+short. If the drone stops at every site, the speed has this shape on each leg. A drone that flies
+through its sites stops only at turns. It accelerates over `Timing.run_in_m`, passes the sites at a
 constant speed, and decelerates over the same length.
 
 An autopilot keeps the required ground speed, unless the airspeed would exceed its maximum.  In this
@@ -33,7 +33,8 @@ SLOWEST_MPS = 1e-9
 
 
 def stop_to_stop_s(length_m: Any, speed_mps: Any, acceleration_mps2: Any, xp: Any = SCALARS) -> Any:
-    """Time from stop to stop, with a speed that is a trapezoid, or a triangle if the leg is short.
+    """Time from stop to stop. As a function of time, the speed is a trapezoid, or a triangle if the
+    leg is short.
 
     The arguments are floats, or arrays with numpy as `xp`.
     """
@@ -49,7 +50,9 @@ def passing_s(
     rest.
     """
     left = length_m - distance_m
-    if left < distance_m:  # The drone decelerates. Deceleration is acceleration with time reversed.
+    # The drone decelerates. The time is computed as that of an acceleration, with the time
+    # reversed.
+    if left < distance_m:
         whole: float = stop_to_stop_s(length_m, speed_mps, acceleration_mps2)
         return whole - passing_s(left, length_m, speed_mps, acceleration_mps2)
     ramp = 0.5 * speed_mps**2 / acceleration_mps2
@@ -73,11 +76,11 @@ class Timing(NamedTuple):
     - `wind`: velocity of the air in the axes of the path
     - `airspeed_mps`: highest airspeed
     - `climb_mps`: highest climb rate and descent rate
-    - `interval_s`: shortest time between photos while flying.  It limits the speed to the baseline
+    - `interval_s`: shortest time between photos while flying. The speed is at most the baseline
       divided by `interval_s`
     - `least_run_in_m`: shortest run-in
-    - `transit_mps`: speed to, from and between lines that are flown through.  None: the speed along
-      these lines
+    - `transit_mps`: speed to, from and between lines that are flown through. If it is None, it
+      equals the speed along these lines
     """
 
     speed_mps: float = 5.0
@@ -100,14 +103,16 @@ class Timing(NamedTuple):
 
     @property
     def run_in_m(self) -> float:
-        """Distance before a line in which the drone accelerates; 0 if the drone stops at every
-        site.
+        """Length of the path before a line on which the drone accelerates; 0 if the drone stops at
+        every site.
         """
         ramp = 0.5 * self.speed_mps**2 / self.acceleration_mps2
         return max(ramp, self.least_run_in_m) if self.fly_through else 0.0
 
     def at(self, baseline_m: float) -> Timing:
-        """The same settings, with the speed limited so that photos are at least `interval_s` apart."""
+        """The same settings, with a lower speed if photos would otherwise be taken in intervals
+        shorter than `interval_s`.
+        """
         if not (self.fly_through and self.interval_s):
             return self
         paced = max(baseline_m / self.interval_s, SLOWEST_MPS)
@@ -166,17 +171,16 @@ class SpeedBound(NamedTuple):
 
 
 def lowest_bound(wanted_mps: float, bounds: Sequence[SpeedBound]) -> SpeedBound | None:
-    """The limit with the lowest speed, or the first of several equal limits; None if the requested
-    speed is lower.
+    """The limit with the lowest speed, or the first of several equal limits. It is None if the
+    requested speed is lower than all limits.
     """
     slowest = min(bounds, key=lambda bound: bound.speed_mps, default=None)
     return slowest if slowest is not None and slowest.speed_mps < wanted_mps else None
 
 
 class Leg(NamedTuple):
-    """A leg, and its shortening by the run-out and run-in at its ends.
-
-    The length is in baselines and the shortening in run-ins, along each axis.
+    """A leg between lines, and how much the run-out and the run-in at its ends shorten it. Along
+    each axis, the length is in baselines and the shortening is in run-ins.
     """
 
     x: float
@@ -186,8 +190,8 @@ class Leg(NamedTuple):
 
 
 class Path(NamedTuple):
-    """A flight over a pattern: the different legs and the lines that are flown through, each with
-    its count.
+    """A flight over a pattern: the different legs and the different lines that are flown through,
+    each with its number of occurrences.
 
     Lengths are in baselines, in the axes of the pattern.  `courses` are the directions, as unit
     vectors, in which the drone flies while it takes photos.
@@ -200,8 +204,8 @@ class Path(NamedTuple):
 
     @classmethod
     def shortest(cls, samples: int, timing: Timing) -> Path:
-        """The path along one straight line.  Without wind, no pattern with this number of samples
-        is faster.
+        """The path along one straight line. Without wind, no pattern with the same number of
+        samples takes less time.
         """
         if timing.fly_through:
             return cls((), samples, ((samples - 1.0, 1),))
@@ -220,7 +224,7 @@ class Path(NamedTuple):
         return math.fsum([*legs, *lines, 2.0 * turns * run])
 
     def time_s(self, baseline_m: float, timing: Timing) -> float:
-        """Time from the first site to the last.  The drone holds at each site unless sites are
+        """Time from the first site to the last. It includes the hold at each site, unless sites are
         flown through.
         """
         flown = steady(timing.at(baseline_m), self.courses)
@@ -230,16 +234,16 @@ class Path(NamedTuple):
         if not timing.fly_through:
             return self.samples * flown.hold_s + math.fsum(legs)
         turns = sum(count for _, count in self.legs)
-        # Accelerating from rest to the speed v takes v/2a longer than flying the same distance at
-        # v.
+        # An acceleration from rest to the speed v takes v/2a longer than a flight over the same
+        # distance at the speed v.
         ramp = run / flown.speed_mps + 0.5 * flown.speed_mps / flown.acceleration_mps2
         lines = (length * baseline_m / flown.speed_mps * count for length, count in self.lines)
         return math.fsum([*legs, *lines, 2.0 * turns * ramp])
 
 
 def steady(timing: Timing, courses: Sequence[tuple[float, float]]) -> Timing:
-    """The same settings with one speed for all courses: the highest speed that the wind allows on
-    each of them.
+    """The same settings with one speed for all courses: the highest speed that the drone can reach
+    on every course in the wind.
     """
     if not (timing.fly_through and courses) or timing.wind == (0.0, 0.0):
         return timing
@@ -296,9 +300,9 @@ def lines_of(
 ) -> Iterator[FlownLine]:
     """Lines of sites along the heading, in flight order.
 
-    The gaps between the sites of a line are whole numbers of spacings, so that a distance trigger
-    takes a photo at every site.  `along` is the heading as a unit vector.  Lines run along this
-    heading or opposite to it.  A single site is flown through along the heading.
+    The distances between the sites of a line are whole numbers of spacings. A distance trigger
+    therefore takes a photo at every site. `along` is the heading as a unit vector. Lines run along
+    this heading or opposite to it. A single site is flown through along the heading.
     """
     first = 0
     while first < len(sites):

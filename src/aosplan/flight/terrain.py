@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 
 WINDOW_PX = 4_000_000
-"""Number of pixels per window (32 MB).  Points that do not fit into one window are read in several
-windows.
+"""Largest number of pixels in a window (32 MB). If the points do not fit into one window, several
+windows are read.
 """
 
 GROUND_M = (-600.0, 9000.0)
@@ -46,9 +46,7 @@ file does not mark them.
 METRES_PER_DEGREE = 111_320.0
 
 MOST_LOOKS = 5_000_000
-"""Largest number of places between the sites of a plan at which the height of the ground is
-read.
-"""
+"""Largest number of places along the path of a plan at which the height of the ground is read."""
 
 
 class Terrain:
@@ -123,8 +121,8 @@ class Terrain:
         return crs_of_wkt(self._raster.crs.to_wkt(), f"terrain '{self.path}'")
 
     def _height_unit_m(self, crs: CRS, units: str | None) -> float:
-        """Metres in the unit of the heights.  The user, the band or the vertical axis gives this
-        unit.
+        """Metres in the unit of the heights. The unit is given by the user, by the band, or by the
+        vertical axis.
         """
         if self._raster.dtypes[0].startswith("complex"):
             raise RequestError(f"terrain '{self.path}' contains complex numbers instead of heights")
@@ -165,8 +163,8 @@ class Terrain:
         x, y = self._to_raster.transform(lon.tolist(), lat.tolist())
         a, b, left, d, e, top = self._transform
         x = np.asarray(x)
-        # The longitudes of a raster may start at 0 or at -180, and the raster may extend beyond the
-        # end of this range.
+        # The longitudes of a raster may be counted from 0 or from -180, and the raster may extend
+        # beyond 360 or 180.
         if self._turn:
             x = (x - self._middle + 0.5 * self._turn) % self._turn + self._middle - 0.5 * self._turn
         along, down = x - left, np.asarray(y) - top
@@ -238,7 +236,8 @@ class Terrain:
         pixels[~((pixels >= low) & (pixels <= high))] = np.nan
         column, row = x.astype(int) - left, y.astype(int) - top
         u, v = x - x.astype(int), y - y.astype(int)
-        # A neighbour with the weight zero may be without data or outside the raster.
+        # Neighbours with the weight zero are not needed. They may be outside the raster or without
+        # data.
         right, below = (
             np.minimum(column + (u > 0), width - 1),
             np.minimum(row + (v > 0), height - 1),
@@ -271,14 +270,14 @@ def _datum(crs: CRS) -> str:
 def follow(
     terrain: Terrain, sites: FlightPoints, origin: tuple[float, float], *, tolerance_m: float
 ) -> Ground:
-    """Add points to a path at a constant height above the ground, wherever the drone would be too
-    low.
+    """Add points to a path at a constant height above the ground. They are added if the drone would
+    otherwise be too low between two sites.
 
-    The height of the ground is read every half pixel along each leg.  If the ground is more than
-    `tolerance_m` above the straight line between the ground at the two ends, a point is added at
-    the highest deviation.  Both parts of the leg are then checked again.  If a path is longer than
-    `MOST_LOOKS` half pixels, the ground is read at about `MOST_LOOKS` places at equal distances
-    instead.
+    The height of the ground is read every half pixel along each leg. The ground is compared with
+    the straight line between the ground at the two ends of the leg. If the ground is more than
+    `tolerance_m` above this line, a point is added at the largest difference. Both parts of the leg
+    are then checked again. If a path is longer than `MOST_LOOKS` half pixels, the ground is read at
+    about `MOST_LOOKS` places at equal distances instead.
     """
     import numpy as np
 
@@ -361,10 +360,11 @@ def ways_ground_m(
     east_m: Sequence[float],
     north_m: Sequence[float],
 ) -> tuple[list[float], list[float]]:
-    """Lowest and highest ground along the straight lines from one point to several others.
+    """Heights of the lowest and the highest ground along the straight lines from one point to
+    several others.
 
-    Points are metres east and north of an origin.  Heights are read every half pixel.  If this
-    would give more than `MOST_LOOKS` places in total, the distance is larger.
+    Points are metres east and north of an origin. Heights are read every half pixel. If this would
+    be more than `MOST_LOOKS` places in total, larger distances are used.
     """
     import numpy as np
 

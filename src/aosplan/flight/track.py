@@ -48,7 +48,8 @@ class Ground(NamedTuple):
 
 @dataclass(frozen=True)
 class Track:
-    """Points of a flight in order: metres east, north and up, and whether a photo is taken.
+    """Points of a flight in order: metres east, north and up, and whether a photo is taken at each
+    point.
 
     If sites are not flown through, the drone stops at every point and holds at points with a photo.
     """
@@ -87,12 +88,13 @@ class Track:
     def times_s(self, timing: Timing) -> list[float]:
         """Time at which the drone reaches each point.
 
-        The drone starts at rest at the first point.  The time of a point is before its hold.  If
-        sites are flown through, a whole line is flown at the speed that its steepest leg allows.
-        Lines without photos are flown at the transit speed.
+        The drone starts at rest at the first point. The hold at a point is not part of the time at
+        which the point is reached. If sites are flown through, a whole line is flown at the speed
+        that its steepest leg allows. Lines without photos are flown at the transit speed.
         """
         if not timing.fly_through:
-            # A grid has many legs, but only a few different ones.
+            # A grid has many legs, but few different legs, so the time of each different leg is
+            # computed once.
             known = {leg: timing.leg_s(*leg) for leg in set(self.legs)}
             holds = (timing.hold_s if photo else 0.0 for photo in self.photo)
             legs = (held + known[leg] for held, leg in zip(holds, self.legs, strict=False))
@@ -124,7 +126,7 @@ def with_turns(
 ) -> FlightPoints:
     """Sites with the turning points before and after each line.
 
-    Points without a photo keep their place between the lines.
+    Points without a photo remain at their positions between the lines.
     """
     along = heading_axis(heading_deg)
 

@@ -31,14 +31,14 @@ def offset_counts(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> Counts
     """
     offsets = (reach_y + 1) * (2 * reach_x + 1)
     transformed = (mask.shape[0] + reach_y) * (mask.shape[1] + reach_x)
-    # Approximate times of both ways in microseconds, as measured.
+    # Approximate times of the two methods in microseconds, from measurements.
     if offsets * (5.0 + mask.size / 4000.0) <= 80.0 + 0.05 * transformed:
         return counted_directly(mask, reach_y, reach_x)
     return counted_by_transform(mask, reach_y, reach_x)
 
 
 def counted_directly(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> Counts:
-    """`offset_counts` from one comparison of the mask with itself for each offset."""
+    """`offset_counts` by comparing the mask with a shifted copy of itself for each offset."""
     import numpy as np
 
     rows, columns = mask.shape
@@ -54,7 +54,7 @@ def counted_directly(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> Cou
 
 
 def counted_by_transform(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> Counts:
-    """`offset_counts` from a Fourier transform, which gives the counts of all offsets together."""
+    """`offset_counts` by a Fourier transform, which gives the counts of all offsets together."""
     import numpy as np
 
     shape = _fast_length(mask.shape[0] + reach_y), _fast_length(mask.shape[1] + reach_x)
@@ -66,7 +66,9 @@ def counted_by_transform(mask: NDArray[np.bool_], reach_y: int, reach_x: int) ->
 
 
 def _fast_length(least: int) -> int:
-    """The smallest 2^k or 3 · 2^k that is at least as large; transforms of such lengths are fast."""
+    """The smallest number of the form 2^k or 3 · 2^k that is at least `least`. Transforms of such
+    lengths are fast.
+    """
     power = 1 << (least - 1).bit_length()
     return 3 * power // 4 if 3 * power // 4 >= least and power >= 4 else power
 
@@ -74,7 +76,8 @@ def _fast_length(least: int) -> int:
 def quadrant_counts(pattern: Pattern, reach_y: int, reach_x: int) -> Counts:
     """Number of ordered pairs of sites by offset, shape (reach_y + 1, reach_x + 1).
 
-    Mirrored offsets are added up.  This is sufficient if a quantity is equal in all four quadrants.
+    The counts of an offset and of its mirror images are added up. These sums are sufficient for a
+    quantity that is equal in all four quadrants.
     """
     import numpy as np
 

@@ -1,14 +1,14 @@
 """Patterns of sites.  The unit of length is the baseline.
 
-A pattern is a rectangle of rows and columns, from which a few sites may be removed, a spiral
-(`aosplan.grid.spiral`), or sites at chosen places of a lattice.  The columns of a rectangle follow
-each other along the heading (x), and the rows across the heading (y).  The distance between
-neighbouring columns is 1 baseline.  The distance between neighbouring rows is `row_pitch`
+There are three kinds of patterns: a rectangle of rows and columns, from which a few sites may be
+removed; a spiral (`aosplan.grid.spiral`); and sites at chosen places of a lattice. The columns of a
+rectangle follow each other along the heading (x), and the rows across the heading (y). The distance
+between neighbouring columns is 1 baseline. The distance between neighbouring rows is `row_pitch`
 baselines.
 
-A *frame* is a rectangle together with the range of sample counts for which a kind of grid uses it.
-Frames are ordered by increasing number of samples.  A solver therefore tests frames instead of
-every sample count.
+A *frame* is a rectangle, together with the range of sample counts for which a kind of grid uses
+this rectangle. Frames are ordered by increasing number of samples. A solver is fast because it
+tests frames instead of every sample count.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ GRIDS = (*LATTICES, "spiral")
 """All kinds of grid by name."""
 
 NARROWEST_TURNS = 2.0
-"""Smallest distance between a spiral's turns.  At larger distances, each additional sample reduces
-the shortfall of V.
+"""Smallest allowed distance between a spiral's turns, in baselines. At this or a larger distance,
+each additional sample reduces the shortfall of V.
 """
 
 MOST_SITES = 5_000_000
-"""Largest number of sites; a plan keeps every waypoint in memory."""
+"""Largest number of sites. It is limited because all waypoints of a plan are in memory."""
 
 
 class Pattern(NamedTuple):
-    """A rectangle of sites without those in `removed`, which are (row, column) tuples."""
+    """A rectangle of sites, except the sites in `removed`, which are tuples (row, column)."""
 
     rows: int
     columns: int
@@ -72,8 +72,8 @@ class Pattern(NamedTuple):
 
     @property
     def nearest(self) -> float:
-        """Smallest distance between two sites, in baselines.  The distance is the larger one of the
-        distances along x and y.
+        """Smallest distance between two sites, in baselines. The distance of two sites is defined
+        as the larger of their distances along x and y.
         """
         return min(1.0, self.row_pitch)
 
@@ -137,7 +137,7 @@ class Scattered(NamedTuple):
 
     @property
     def columns(self) -> int:
-        """The number of sites of that sequence."""
+        """Number of sites, because they are flown as a single sequence."""
         return self.samples
 
     @property
@@ -166,7 +166,9 @@ class Scattered(NamedTuple):
         yield from self.places
 
     def steps(self) -> Counter[tuple[float, float]]:
-        """Steps along x and y from site to site, in baselines, and how often each occurs."""
+        """Steps along x and y from site to site, in baselines, and the number of times that each
+        step occurs.
+        """
         return Counter((to_x - x, to_y - y) for (x, y), (to_x, to_y) in pairwise(self.places))
 
 
@@ -217,7 +219,7 @@ class Frame(NamedTuple):
 
     @property
     def whole(self) -> Pattern:
-        """The pattern with the largest number of samples of this frame."""
+        """The pattern of this frame with the largest number of samples."""
         return self.pattern(self.most)
 
 
@@ -269,8 +271,8 @@ AnyFrame = Frame | SpiralFrame
 def frames(grid: str, *, lanes: int = 3, lane_pitch: float = 4.0) -> Iterator[AnyFrame]:
     """Infinite sequence of the frames of a kind of grid, by increasing number of samples.
 
-    - ``trimmed``: every count, in the smallest rectangle of r x r or r x (r+1) sites that has at
-      least as many sites
+    - ``trimmed``: every count. The rectangle is the smallest one of r x r or r x (r+1) sites that
+      has at least this number of sites
     - ``rectangle``: the same rectangles without removed sites
     - ``square``: n x n sites
     - ``line``: one row
@@ -294,8 +296,8 @@ def frame_at(grid: str, index: int, *, lanes: int = 3, lane_pitch: float = 4.0) 
 
 
 def rectangle_at(grid: str, index: Any) -> tuple[Any, Any]:
-    """Rows and columns of the frames at one index or at an array of indices; not for lanes and
-    spirals.
+    """Rows and columns of the frames at one index or at an array of indices. The grid must not be
+    lanes or a spiral.
     """
     if grid == "line":
         return 1, index
@@ -305,7 +307,7 @@ def rectangle_at(grid: str, index: Any) -> tuple[Any, Any]:
 
 
 def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 4.0) -> AnyPattern:
-    """The smallest pattern of a kind with at least this many samples.
+    """The smallest pattern of a kind that has at least the given number of samples.
 
     Trimmed grids and spirals have exactly this number.
 
@@ -321,8 +323,8 @@ def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 
 
 
 def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
-    """Index of the first frame of a kind of grid that has at least this many samples, counted from
-    1.
+    """Index of the first frame of a kind of grid that has at least the given number of samples. The
+    first index is 1.
     """
     if grid == "spiral":
         return samples
@@ -332,8 +334,8 @@ def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
 
 
 def index_by_side(grid: str, samples: Any, side: Any) -> Any:
-    """The same as `index_for`, for one sample count or an array of sample counts; not for lanes and
-    spirals.
+    """The same as `index_for`, for one sample count or an array of sample counts. The grid must not
+    be lanes or a spiral.
 
     `side` is the integer part of the square root of `samples`.
     """
@@ -358,11 +360,12 @@ def too_many_sites(wanted: str, samples: int) -> str:
 
 @lru_cache(maxsize=512)
 def _trimmed(frame: Frame, surplus: int) -> tuple[tuple[int, int], ...]:
-    """Sites to remove: point-symmetric pairs, beginning with those farthest from the centre.
+    """Sites to remove from a rectangle: point-symmetric pairs of sites, beginning with the pair
+    that is farthest from the centre.
 
-    Sites at equal distances are ordered by (row, column); if the surplus is odd, the last removed
-    site has no partner.  The search starts at the corners, so that it visits only removed sites and
-    their neighbours.
+    Sites at equal distances are ordered by (row, column). If the surplus is odd, the last removed
+    site has no partner. The search starts at the corners, and visits only removed sites and their
+    neighbours.
     """
     if surplus <= 0:
         return ()
@@ -382,10 +385,10 @@ def _trimmed(frame: Frame, surplus: int) -> tuple[tuple[int, int], ...]:
 def _outermost_first(rows: int, columns: int) -> Iterator[tuple[int, int]]:
     """Sites by decreasing distance from the centre; equal distances are ordered by (row, column).
 
-    Distances are compared as sums of squares of whole numbers (in half pitches), so that ties are
-    exact.  A site and its mirror images across both axes share one entry (u, v) of the heap, where
-    u and v are their distances from the axes.  After (u, v) is taken from the heap, (u, v - 2) is
-    added to it.  If v is at its maximum, (u - 2, v) is added too.
+    Distances are in half pitches and are compared by their squares, which are whole numbers. Equal
+    distances are therefore recognised exactly. A site and its mirror images across both axes share
+    one entry (u, v) of the heap, where u and v are their distances from the axes. After (u, v) is
+    taken from the heap, (u, v - 2) is added to it. If v is at its maximum, (u - 2, v) is added too.
     """
     u_most, v_most = rows - 1, columns - 1
     heap = [(-(u_most**2 + v_most**2), u_most, v_most)]

@@ -1,11 +1,11 @@
 """Double spirals: sites on one line that winds inwards and out again.  The unit of length is the
 baseline.
 
-Two arms of an Archimedean spiral meet in the centre.  Rotating one arm by half a turn gives the
-other arm.  The distance between turns is constant.  The drone flies inwards along one arm and
-outwards along the other, on a straight line from site to site.  Consecutive sites are one baseline
-apart.  The centre of the sites is the centre of the spiral for every number of sites.  A spiral is
-contained in every longer spiral whose number of sites differs by an even number.
+Two arms of an Archimedean spiral meet in the centre. Rotating one arm by half a turn gives the
+other arm. The distance between turns is constant. The drone flies inwards along one arm and
+outwards along the other, on a straight line from site to site. Consecutive sites are one baseline
+apart. The centre of the sites is the centre of the spiral for every number of sites. The sites of a
+spiral are also sites of every longer spiral, if the two numbers of sites differ by an even number.
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ class Spiral(NamedTuple):
     def nearest(self) -> float:
         """Smallest distance between two sites, in baselines.
 
-        The distance of two sites is the larger one of their distances along x and y.  The result is
-        at most 1, and it is at least 0.7 if turns are 2 baselines apart or more.  It is usually
-        less than 1 because neighbouring sites are not aligned with the axes.
+        The distance of two sites is the larger of their distances along x and y. The result is at
+        most 1, and it is at least 0.7 if turns are 2 baselines apart or more. It is usually less
+        than 1 because neighbouring sites are not aligned with the axes.
         """
         return self._arm.reach[self.samples // 2][2]
 
@@ -98,7 +98,7 @@ class Arm:
     def __init__(self, turn_pitch: float, *, from_middle: bool) -> None:
         self.sites: list[tuple[float, float]] = []
         self.reach = [(0.0, 0.0, 1.0)]
-        self._growth = turn_pitch / math.pi  # radius / angle of each arm
+        self._growth = turn_pitch / math.pi  # radius divided by angle, for each arm
         self._angle = (1.0 if from_middle else 0.5) / self._growth
         self._cells = {(0, 0): [(0.0, 0.0)]} if from_middle else {}
 
@@ -114,10 +114,10 @@ class Arm:
             self._angle = self._next_angle()
 
     def _next_angle(self) -> float:
-        """Angle of the next site, one baseline from the last.
+        """Angle of the next site, which is one baseline from the last site.
 
-        With the radii r and R of the two sites and the angle Δ between them, r² + R² - 2 r R cos(Δ)
-        = 1.  The equation is solved by Newton's method.
+        Let r and R be the radii of the two sites, and Δ the angle between them. The equation r² +
+        R² - 2 r R cos(Δ) = 1 is solved by Newton's method.
         """
         start, growth = self._angle, self._growth
         here = growth * start
@@ -134,8 +134,8 @@ class Arm:
         return angle
 
     def _least_distance(self, x: float, y: float) -> float:
-        """Smallest distance from (x, y) to the earlier sites, as the larger one of the distances
-        along x and y.
+        """Smallest distance from (x, y) to the earlier sites. The distance is the larger of the
+        distances along x and y.
 
         Only sites in neighbouring unit cells are compared, so the result is exact if it is below 1.
         """

@@ -41,8 +41,8 @@ FORMER = {"qgc_plan": "plan", "wpml": "kmz"}
 
 
 GROUP = "aosplan.formats"
-"""Group of the entry points with which other distributions add formats.  Each is a module like
-those of the built-in formats.
+"""Group of the entry points with which other distributions add formats. Each entry point is a
+module like the modules of the built-in formats.
 """
 
 
@@ -164,8 +164,8 @@ def mission_files(missions: Iterable[Mission], chosen: Format, path: str) -> dic
 
 
 def size_of(chosen: Format) -> Callable[[Mission], int]:
-    """The function that counts the items that a format limits: points of the path, or commands of
-    the file.
+    """Function that counts the items whose number the format limits: points of the path, or
+    commands of the file.
     """
     from aosplan.mission.flown_path import path_size
 
@@ -193,8 +193,8 @@ def _module(name: str) -> Any:
 
 
 def _may_be_added(prefix: str) -> bool:
-    """Whether the text before a colon can be a format name.  Otherwise it is a drive or part of a
-    path.
+    """Whether the text before a colon can be a format name. It may instead be a drive or a part of
+    a path.
     """
     return len(prefix) > 1 and prefix.replace("-", "").isalnum()
 

@@ -1,12 +1,12 @@
 """The path in a mission file: the points, the speeds, and the commands of the camera.
 
-A mission has a waypoint for every photo.  If photos are taken while flying, a file needs only the
-ends of each line and the points at which the height bends.  The distance trigger is switched on at
-the first photo of a line.  It is switched off half a spacing after the last photo, so that a small
-error of the position neither drops the last photo nor adds another one.  If the transit is higher
-than the first waypoint, the path starts vertically above this waypoint, because the drone climbs
-first.  If the transit back home is higher than the last waypoint, the path ends vertically above
-the last waypoint.
+A mission has a waypoint for every photo. If photos are taken while flying, a file needs only the
+ends of each line and the points at which the height bends. The distance trigger is switched on at
+the first photo of a line. It is switched off half a spacing after the last photo. A small error of
+the position then neither drops the last photo nor adds another photo. If the transit is higher than
+the first waypoint, the path starts vertically above this waypoint, because the drone climbs first.
+If the transit back home is higher than the last waypoint, the path ends vertically above the last
+waypoint.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from aosplan.mission.mission import Mission
 
 BEND_M = 0.1
-"""A point along a line is left out if its height differs from a straight line by less than this."""
+"""A point of a line is left out if its height differs by less than this from the straight line
+between the remaining points.
+"""
 
 
 class PathPoint(NamedTuple):
@@ -94,8 +96,8 @@ def _place(point: PathPoint) -> tuple[float, float, float]:
 
 
 def _above(point: PathPoint, height_m: float, speed_mps: float) -> PathPoint:
-    """The point vertically above a given point.  The transit to the first waypoint ends there, and
-    the transit home starts there.
+    """The point vertically above a given point. The horizontal part of the transit to the first
+    waypoint ends at such a point, and the transit home starts at such a point.
     """
     east, north, latitude, longitude = point[:4]
     return PathPoint(east, north, latitude, longitude, height_m, speed_mps, above_takeoff=True)
@@ -103,7 +105,8 @@ def _above(point: PathPoint, height_m: float, speed_mps: float) -> PathPoint:
 
 def _points(mission: Mission) -> Iterator[PathPoint]:
     ways, speed = mission.waypoints, mission.settings.speed_mps
-    assert ways.latitude is not None  # Formats for autopilots require a location.
+    # Formats for autopilots require a location, so it is not None.
+    assert ways.latitude is not None
     assert ways.longitude is not None
     columns = (ways.east_m, ways.north_m, ways.latitude, ways.longitude, mission.flown_m())
     for place in zip(*columns, strict=True):
@@ -145,15 +148,16 @@ def _lines(mission: Mission) -> Iterator[PathPoint]:
     off = {last for first, last in lines if last > first}
     lone = {first for first, last in lines if last == first}
     kept = {*ends, *on, *lone}
-    # If heights are above the ground, a drone may still fly on a straight line between two points,
-    # as Litchi does. The height above the take-off point therefore decides which points are bends.
+    # Even if the heights of the file are above the ground, a drone may fly on a straight line
+    # between two points, as Litchi does. The bends are therefore found from the height above the
+    # take-off point.
     above = mission.above_takeoff_m()
     profile = [point._replace(height_m=up) for point, up in zip(points, above, strict=True)]
     for first, last in pairwise(ends):
         heights = above[first : last + 1]
         if max(heights) - min(heights) > LEVEL_M:
-            # Points that other rules keep divide a line into parts, because the drone changes its
-            # height linearly between them.
+            # Some points are kept for other reasons. They divide the line into parts, because the
+            # height changes linearly between points of the file.
             fixed = {first, last, *(kept | off) & set(range(first, last))}
             kept |= fixed
             for start, stop in pairwise(sorted(fixed)):
@@ -173,8 +177,8 @@ def _lines(mission: Mission) -> Iterator[PathPoint]:
 
 
 def _is_off(points: Sequence[PathPoint], place: int, spacing_m: float) -> bool:
-    """Whether the trigger is switched off at the end of a line, because the end is close to the
-    last photo.
+    """Whether the trigger is switched off at the end of the line itself, because this end is close
+    to the last photo.
     """
     return _apart(points[place - 1], points[place]) <= 0.9 * spacing_m
 

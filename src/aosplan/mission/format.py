@@ -8,8 +8,9 @@ from typing import NamedTuple
 class Limits(NamedTuple):
     """Smallest and largest values that a target accepts in one file; None if a bound is not known.
 
-    Heights are those that are written to the file.  `source` names the publication of the numbers.
-    `waypoints` is the largest number of waypoints or of commands in a file; `unit` tells which.
+    The limits of heights apply to the heights in the file. `source` names the publication of the
+    numbers. `waypoints` is the largest number of waypoints or of commands in a file. `unit` says
+    which of the two is counted.
     """
 
     target: str = ""

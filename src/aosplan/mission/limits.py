@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 def limits_of(mission: Mission, chosen: Format) -> Limits:
-    """The limits that apply to a mission: those of its autopilot if the format has them, otherwise
-    the first limits of the format.
+    """The limits that apply to a mission: the limits for its autopilot if the format has such
+    limits, otherwise the first limits of the format.
 
     If the user gives a number of waypoints per file, this number replaces the known limit.
     """
@@ -72,8 +72,8 @@ def check_flown(mission: Mission, chosen: Format) -> None:
 def split_for_limits(
     mission: Mission, chosen: Format, size: Callable[[Mission], int]
 ) -> list[Mission]:
-    """Split a mission into consecutive parts of about equal size, so that the target of the format
-    accepts each part.
+    """Split a mission into consecutive parts of about equal size, each within the limits of the
+    program that reads the file.
 
     A line on which photos are taken while flying is never split.  `size` is the function that
     counts the limited items.
@@ -169,7 +169,8 @@ def _check_legs(path: Sequence[PathPoint], chosen: Format, limits: Limits) -> No
             (start.east_m, start.north_m, start.height_m),
             (stop.east_m, stop.north_m, stop.height_m),
         )
-        # One of the two heights is above the take-off point, the other above the ground.
+        # One of the two heights is relative to the take-off point, and the other is relative to the
+        # ground.
         if start.above_takeoff != stop.above_takeoff:
             continue
         if not shortest <= leg <= (math.inf if longest is None else longest):

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from aosplan.mission.mission import Mission
 
 ABSOLUTE, COMMAND, RELATIVE, TERRAIN = 0, 2, 3, 10
-"""Frames of a command: height above sea level, no position, height above home, height above the
-ground.
+"""Frames of a command, in this order: height above sea level, no position, height above home,
+height above the ground.
 """
 
 WAYPOINT, RETURN, TAKEOFF, DELAY, YAW, SPEED, SHOOT, GIMBAL, BY_DISTANCE, CAPTURE = (
@@ -33,8 +33,8 @@ REACHED_M = 0.5
 """Acceptance radius of a site for PX4.  The default of PX4 is several metres."""
 
 STOP_S = 0.01
-"""Hold with which PX4 stops at a point without a photo.  Any time greater than zero has this
-effect.
+"""Hold at points without a photo, which makes PX4 stop there. Any time greater than zero makes it
+stop.
 """
 
 ARDUPILOT = Limits(
@@ -66,8 +66,8 @@ RETURN_HEIGHTS = {"ardupilot": "RTL_ALT", "px4": "RTL_RETURN_ALT"}
 
 
 class Command(NamedTuple):
-    """One item of a mission.  If a parameter is None, it has no value, or the autopilot leaves its
-    setting unchanged.
+    """One item of a mission. A parameter that is None has no value, or tells the autopilot to leave
+    its setting unchanged.
     """
 
     command: int
@@ -81,8 +81,8 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
     The drone climbs, flies horizontally to its first waypoint, flies through all waypoints with
     fixed yaw and gimbal, climbs, and returns.
 
-    PX4 sends the photo command of a waypoint after its hold, just before it leaves.  Therefore,
-    half of the hold is written as a delay after the photo.
+    PX4 executes the photo command of a waypoint after the hold, just before the drone leaves the
+    waypoint. Half of the hold is therefore written as a delay after the photo.
 
     Raises
     ------
@@ -111,12 +111,13 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
         if own_yaw:
             lead = (REACHED_M, 0.0, settings.yaw_deg % 360.0)
         else:
-            # ArduPilot turns towards the next waypoint unless the yaw is set again at each one.
+            # The yaw is set again at each waypoint, because ArduPilot would otherwise turn towards
+            # the next waypoint.
             yield _plain(YAW, settings.yaw_deg % 360.0)
             lead, where = (0.0, 0.0, 0.0), _meant(*where)
         holds = point.photo and settings.trigger == "stop"
-        # If a line lies straight ahead, PX4 enters it at the transit speed, unless the drone stops
-        # before the line.
+        # PX4 would enter a line that is straight ahead at the transit speed. A stop before the line
+        # prevents this.
         stay = STOP_S if own_yaw and point.stop and settings.trigger == "distance" else 0.0
         at = RELATIVE if point.above_takeoff else frame
         yield Command(WAYPOINT, at, (hold if holds else stay, *lead, *where))
@@ -197,7 +198,9 @@ def return_notes(missions: Sequence[Mission], setting: str) -> list[str]:
 
 
 def _meant(latitude: float, longitude: float, height_m: float) -> tuple[float, float, float]:
-    """A position without zeros.  ArduCopter replaces a zero by the current position or height."""
+    """A position whose zeros are replaced by tiny values, because ArduCopter replaces a zero by the
+    current position or height.
+    """
     if abs(latitude) < 1e-7 and abs(longitude) < 1e-7:
         latitude = 1e-7
     return latitude, longitude, 0.01 if abs(height_m) < 0.01 else height_m

@@ -1,5 +1,5 @@
-"""Missions: waypoints in flight order, and flight settings.  Every format is written from a
-mission.
+"""Missions: waypoints in flight order, and flight settings. All file formats are written from
+missions.
 """
 
 from __future__ import annotations
@@ -129,8 +129,8 @@ class Waypoints(Sequence[Waypoint]):
 
     @classmethod
     def of(cls, rows: Iterable[Waypoint]) -> Waypoints:
-        """Columns from single waypoints.  If a field is None in the first waypoint, its column is
-        left out.
+        """Make columns from single waypoints. If a field is None in the first waypoint, its column
+        is left out.
         """
         names = Waypoint._fields[1:]
         columns = dict(
@@ -154,14 +154,16 @@ class FlightSettings(NamedTuple):
       (``ellipsoid``: the WGS 84 ellipsoid).
     - `altitude_frame`: ``takeoff`` for heights above the take-off point, or ``terrain`` for heights
       above the ground in the terrain data of the autopilot.
-    - `most_waypoints`: number of waypoints that the drone accepts in one file, if it is known;
-      `file_waypoints`: the number that the user gives.
+    - `most_waypoints`: largest number of waypoints that the drone accepts in one file, if it is
+      known; `file_waypoints`: the largest number that the user gives.
     - `mission_formats`: formats that the drone flies, if they are known.
-    - `transit_mps`: speed to, from and between lines; None: the speed between photos.
+    - `transit_mps`: speed to, from and between lines; if it is None, it equals the speed between
+      photos.
     - `transit_climb_m`, `transit_return_m`: heights above the take-off point on the way to the
-      first waypoint and on the way back from any waypoint; None: the height of the highest waypoint.
-    - `camera_control`: how PX4 triggers the camera, with the commands of MAVLink's camera protocol
-      (``mavlink``) or with its own outputs.
+      first waypoint and on the way back from any waypoint; if they are None, the height of the
+      highest waypoint is used.
+    - `camera_control`: how PX4 triggers the camera: with the commands of MAVLink's camera protocol
+      (``mavlink``), or with its own outputs.
     """
 
     trigger: str = "stop"
@@ -191,9 +193,9 @@ class Mission(NamedTuple):
     """The content of a mission file: waypoints in flight order, a summary of the plan, and flight
     settings.
 
-    `flight` is the number of this flight, from 1, of the `flights` of a plan.  `part` is the number
-    of this file, from 1, of the `parts` into which a flight is split if one file cannot hold it.
-    `first_index` is the index of the first waypoint in the whole plan, from 0.
+    `flight` is the number of this flight, from 1, of the `flights` of a plan. `part` is the number
+    of this file, from 1, of the `parts` into which a flight is split if it is too long for one
+    file. `first_index` is the index of the first waypoint in the whole plan, from 0.
     """
 
     waypoints: Waypoints
@@ -226,7 +228,8 @@ class Mission(NamedTuple):
     def above_takeoff_m(self) -> Sequence[float]:
         """Height of each waypoint above the take-off point.
 
-        If the height of the ground is not known, it is assumed to be that of the take-off point.
+        If the height of the ground is not known, the ground is assumed to be as high as the
+        take-off point.
         """
         ground, takeoff = self.waypoints.ground_m, self.settings.takeoff_ground_m
         altitudes = self.waypoints.altitude_m
@@ -242,8 +245,8 @@ class Mission(NamedTuple):
     def climb_m(self) -> float:
         """Height above the take-off point at which the drone flies to its first waypoint."""
         climb = self.settings.transit_climb_m
-        # A later part of a flight starts at another waypoint. Its height has to be safe for all
-        # waypoints.
+        # A later part of a flight starts at another waypoint. The height of the transit therefore
+        # has to be safe for all waypoints.
         return self.return_m() if climb is None or self.part > 1 else climb
 
     def return_m(self) -> float:
@@ -261,7 +264,7 @@ class Mission(NamedTuple):
         of the first waypoint.
         """
         settings, ways = self.settings, self.waypoints
-        assert ways.latitude is not None  # formats that call this require a location
+        assert ways.latitude is not None  # The formats that use this property require a location.
         assert ways.longitude is not None
         if settings.takeoff_latitude is None or settings.takeoff_longitude is None:
             return ways.latitude[0], ways.longitude[0]
@@ -368,7 +371,7 @@ def split(whole: Mission, shares: Sequence[FlightShare]) -> tuple[Mission, ...]:
 
 
 def way_height_m(waypoint_m: float, least_m: float) -> float:
-    """Height of the horizontal transit to a waypoint, or back from a waypoint [m].
+    """Height of the horizontal part of the transit to a waypoint, or back from a waypoint [m].
 
     If the transit has to be above the waypoint, the vertical leg between them is at least
     `LEAST_LEG_M` long.
@@ -379,7 +382,7 @@ def way_height_m(waypoint_m: float, least_m: float) -> float:
 
 
 def placed(waypoints: Waypoints, origin: tuple[float, float] | None) -> Waypoints:
-    """Waypoints with latitudes and longitudes, if the location of their origin is given."""
+    """Add latitudes and longitudes to waypoints, if the location of their origin is given."""
     if origin is None:
         return waypoints
     from aosplan.geodesy import to_wgs84

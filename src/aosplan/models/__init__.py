@@ -1,6 +1,6 @@
 """Visibility models, which predict how much of the target an integral image shows.
 
-- `aosplan.models.model`: the interface, and the prediction that all models share.
+- `aosplan.models.model`: the interface of all models, and the prediction that they return.
 - `aosplan.models.uniform`: one volume with occluders of one kind, the model of the paper.
 - `aosplan.models.layered`: independent slices, each with its own height, size and density.
 - `aosplan.models.layered_pairs`, `aosplan.models.layered_noise`, `aosplan.models.layered_slanted`:
@@ -18,8 +18,8 @@
   and `aosplan.models.clutter`.
 - `aosplan.models.counted_detection`: the same probability, counted in the voxels of a stand.
 - `aosplan.models.memo`: storage of earlier predictions.
-- `aosplan.models.correlogram`: the correlogram instead of the voxels;
-  `aosplan.models.interior_surrogate`: the same for targets in the interior of a plot.
+- `aosplan.models.correlogram`: predictions from a correlogram, which approximates the voxels;
+  `aosplan.models.interior_surrogate`: such predictions for targets in the interior of a plot.
 - `aosplan.models.ground_visibility`: visibility over the whole ground of a plan.
 - `aosplan.models.area_rays`: slanted rays to all targets of an area.
 - `aosplan.models.crown_clutter`: clutter from whole crowns.

@@ -1,9 +1,9 @@
-"""A prediction with the slanted rays from the cameras to all targets of an area.
+"""A prediction for all targets of an area, with the slanted rays from the cameras to these targets.
 
 A ray with the slopes x and y crosses √(1 + x² + y²) times as many leaves of random direction as a
-vertical ray.  In slices of cubes, it also meets side faces: it is clear with probability Π q^(1 + r
-(|x| + |y|)), where r is the thickness of a slice divided by the size of its occluders.  Let p_i(t)
-be the probability that view i does not see the target t.  Then
+vertical ray. In slices of cubes, it also meets side faces: it is free with probability Π q^(1 + r
+(|x| + |y|)), where r is the thickness of a slice divided by the size of its occluders. Let p_i(t)
+be the probability that view i does not see the target t. Then
 
     E[X²] = mean over t of (mean over i of p_i)² + K · mean of p_i (1 - p_i),
 
@@ -48,16 +48,16 @@ def cube_terms(above: Scene) -> tuple[float, float]:
 
 
 def cubes(above: Scene) -> LogClear:
-    """Function that returns the logarithm of the transparency of slices of cubes, for the slopes of
-    a ray along x and y.
+    """Make a function that returns the logarithm of the transparency of slices of cubes for the
+    slopes of a ray along x and y.
     """
     straight, slope = cube_terms(above)
     return lambda x, y: straight + slope * (x + y)
 
 
 def leaves(above: Scene) -> LogClear:
-    """Function that returns the logarithm of the transparency of leaves of random direction, for
-    the slopes of a ray.
+    """Make a function that returns the logarithm of the transparency of leaves of random direction
+    for the slopes of a ray.
     """
     straight, _ = cube_terms(above)
     return lambda x, y: straight * np.sqrt(1.0 + x * x + y * y)
@@ -78,8 +78,8 @@ def slanted(
     shortfall
         K of the plan.
     log_clear
-        Function that returns the logarithm of the transparency for the absolute slopes of rays
-        along x and y.
+        Function that takes the absolute slopes of rays along x and y, and returns the logarithm of
+        their transparency.
     positions_m
         Positions of the cameras relative to the middle of the pattern, shape (N, 2).
     area_m

@@ -10,11 +10,11 @@ around it.  The indices w and b stand for window and box.  A covariance componen
 
     R_ww - 2 R_wb + R_bb
 
-to the variance of this difference.  Let T be the transparency of the canopy and s the seen share of
-the window.  For a window without a target, the difference has the mean M (1 - β) (T - s) and the
-variance sd²(s).  Here β = S_wb/S_ww is the part of s that the window has in common with the box.
-The contribution of the canopy to sd² increases with 1 - s, and the contribution of the ground
-increases with s².
+to the variance of this difference. Let T be the transparency of the canopy and s the seen share of
+the window. For a window without a target, the difference between the means of window and box has
+the mean M (1 - β) (T - s) and the variance sd²(s). Here β = S_wb/S_ww, where S is the covariance of
+the seen share, is the part of s that the window has in common with the box. The contribution of the
+canopy to sd² increases with 1 - s, and the contribution of the ground increases with s².
 
 **False alarms.**  The detector evaluates every place in every direction.  For a Gaussian field, the number of peaks above u standard deviations equals the expected Euler characteristic (Adler 1981). Here the field depends on place and direction; the direction repeats after half a turn. In an area A, the Euler characteristic is
 
@@ -78,7 +78,7 @@ class Radiances(NamedTuple):
 
 
 class Clutter(NamedTuple):
-    """Variance of the detector's output, divided into its sources.
+    """Variance of the detector's output, divided into contributions.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Clutter(NamedTuple):
     canopy, ground
         Covariances of window and window, window and box, and box and box.
     rest
-        Variance of M times the seen share of the box, for a given s.
+        Variance of the product of M and the seen share of the box, for a given s.
     roughness
         √(λ_l λ_w λ_θ) of the output divided by its standard deviation [1/m²].
     """
@@ -105,12 +105,12 @@ class Clutter(NamedTuple):
     roughness: float
 
     def mean(self, share: Floats) -> Floats:
-        """Mean of the output for a window with a seen share and without a target."""
+        """Mean of the output for a window without a target, for a given seen share."""
         return self.slope * (self.transparency - share)
 
     def deviation(self, share: Floats, *, target: bool = False) -> Floats:
-        """Standard deviation of the output for a seen share.  If there is a target, it hides the
-        ground below it.
+        """Standard deviation of the output for a given seen share. A target hides the ground below
+        it, which reduces the standard deviation.
         """
         ww, wb, bb = self.canopy
         hidden = (1.0 - share) / max(1.0 - self.transparency, 1e-12)
@@ -181,14 +181,14 @@ def clutter_of(
 
 
 def _roughness(fields: Floats, variance: float, kernels: Kernels) -> float:
-    """√(λ_l λ_w λ_θ), where each λ follows from the decrease of the covariance over a small step."""
+    """√(λ_l λ_w λ_θ). Each λ is computed from the decrease of the covariance over a small step."""
     steps = np.array([kernels.step_m, kernels.step_m, kernels.turn])
     drops = 2.0 * np.maximum(fields[0] - fields[1:], 1e-15) / steps**2
     return float(np.sqrt(np.prod(drops / max(variance, 1e-15))))
 
 
 def independent_windows(level: float, roughness: float, area_m2: float = HECTARE_M2) -> float:
-    """n_w: number of independent windows in an area, for a level of u standard deviations."""
+    """n_w, the number of independent windows in an area, for a level of u standard deviations."""
     from scipy.special import erfcx
 
     level = max(level, 1.5)  # At lower levels, χ differs from the number of peaks.

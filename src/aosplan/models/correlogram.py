@@ -32,8 +32,8 @@ NOISE_POINTS = 4
 
 @lru_cache(maxsize=1024)
 def _lattice(pattern: Pattern) -> tuple[Floats, Floats, Floats]:
-    """Sites of a pattern, and the offsets between them with their numbers of pairs.  Lengths are in
-    pitches.
+    """Sites of a pattern, the different offsets between them, and the number of pairs with each
+    offset. Lengths are in pitches.
 
     An offset and its opposite are equivalent, so only one of them is returned.  The number of pairs
     with offset 0 is divided by 2.
@@ -59,8 +59,8 @@ class CorrelogramModel:
     heading_deg
         Heading of the patterns, clockwise from the correlogram's north.
     hold_error_m
-        Standard deviation of the positions around their sites, per axis.  If it is greater than 0,
-        p and ρ are means over the random offsets.
+        Standard deviation, per axis, of the positions around their sites. If it is greater than 0,
+        p and ρ are means over these random errors.
     """
 
     name = "correlogram"
@@ -85,12 +85,12 @@ class CorrelogramModel:
 
     @property
     def density(self) -> float:
-        """p of a single nadir sample."""
+        """Density p of a single nadir sample."""
         return self.correlogram.density
 
     @property
     def transparency(self) -> float:
-        """1 - p of a single nadir sample."""
+        """Transparency 1 - p of a single nadir sample."""
         return 1.0 - self.density
 
     @property
@@ -110,10 +110,10 @@ class CorrelogramModel:
 
     @remembered
     def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
-        """Density and shortfall of a pattern flown at a baseline.
+        """Density and shortfall of a pattern that is flown with a baseline.
 
-        Each distinct offset of a lattice is looked up once.  Each pair of sites of a spiral is
-        looked up once for all spirals with the same baseline.
+        Each different offset of a lattice is looked up once in the correlogram. Each pair of sites
+        of a spiral is looked up once for all spirals with the same baseline.
         """
         if isinstance(pattern, Spiral):
             return self._predict_spiral(pattern, baseline_m)
@@ -121,15 +121,15 @@ class CorrelogramModel:
             return self.predict_positions(
                 np.column_stack(local_sites(pattern, baseline_m, self.heading_deg))
             )
-        # The offset between rows is to the right of the heading, and the offset between columns is
-        # along it. They correspond to east and north for the heading 0.
+        # Rows follow each other to the right of the heading, and columns along the heading. For the
+        # heading 0, these directions are east and north.
         pitch_m = baseline_m * pattern.row_pitch, baseline_m
         sites, apart, pairs = _lattice(pattern)
         return self._prediction(sites * pitch_m, apart * pitch_m, pairs, self.heading_deg)
 
     def _predict_spiral(self, spiral: Spiral, baseline_m: float) -> Prediction:
-        """Prediction for a spiral.  Cumulative sums over the sites from the centre outwards are
-        shared by all spirals.
+        """Prediction for a spiral. All spirals use the same cumulative sums over the sites, from
+        the centre outwards.
         """
         even = spiral.samples % 2 == 0
         key = spiral.turn_pitch, baseline_m, self.heading_deg, even
@@ -183,15 +183,15 @@ class CorrelogramModel:
         return self._expected(self.correlogram.density_at, points, 0.0, 0.0)
 
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
-        """ρ of two views for their offset to the east and to the north."""
+        """ρ of two views that are offset from each other to the east and to the north."""
         lag, direction_deg = self._polar(np.column_stack([x_m, y_m]), 0.0)
         return np.where(lag > 0.0, self.correlogram.correlation_at(lag, direction_deg), 1.0)
 
     def _prediction(
         self, sites_m: Floats, apart_m: Floats, pairs: Floats, heading_deg: float
     ) -> Prediction:
-        """The prediction: the mean of p over the sites, and the mean of ρ over the distances,
-        weighted by their numbers of pairs.
+        """The prediction: the mean of p over the sites, and the mean of ρ over the offsets. Offsets
+        are weighted by their numbers of pairs.
         """
         tables = self.correlogram
         density = float(
@@ -199,7 +199,7 @@ class CorrelogramModel:
         )
         pair_error_m = math.sqrt(2.0) * self.hold_error_m
         rho = self._expected(tables.correlation_at, apart_m, heading_deg, pair_error_m)
-        rho[~apart_m.any(axis=1)] = 1.0  # the pair of a view with itself
+        rho[~apart_m.any(axis=1)] = 1.0  # This is the pair of a view with itself.
         return Prediction(density, 1.0 - density, max(float(rho @ pairs / pairs.sum()), 0.0))
 
     def _expected(
@@ -223,8 +223,8 @@ class CorrelogramModel:
         return expected
 
     def _polar(self, offsets_m: Floats, heading_deg: float) -> tuple[Floats, Floats]:
-        """Lags and directions of offsets.  The offsets are given to the right of a heading and
-        along it.
+        """Lags and directions of offsets. The components of each offset are along the right of a
+        heading and along the heading.
         """
         right, along = offsets_m.T / self.altitude_m
         return np.hypot(right, along), np.degrees(np.arctan2(right, along)) + heading_deg

@@ -58,7 +58,9 @@ SEED = 1
 """Random seed of the radiances.  It is the same for every plan."""
 
 MOST_KEPT = 1 << 25
-"""Largest number of voxels of a stand whose planes are kept; they need five bytes each."""
+"""The planes of a stand are stored if it has at most this number of voxels. They need five bytes
+per voxel.
+"""
 
 
 def count_detection(
@@ -130,18 +132,22 @@ def count_detection(
 def _planes(
     volume: VoxelVolume, canopy: CanopyRadiance, focal_height_m: float
 ) -> tuple[list[OccluderPlane], Mapping[str, Any]]:
-    """The planes of a stand, and the state of the random generator after them."""
+    """The planes of a stand, and the state of the random generator after the planes have been
+    drawn.
+    """
     rng = np.random.default_rng(SEED)
     planes = planes_of_volume(rng, volume, canopy, focal_height_m)
     return planes, rng.bit_generator.state
 
 
 _kept_planes = lru_cache(maxsize=1)(_planes)
-"""The same, kept for the next plan over the stand: a search counts several."""
+"""`_planes` with stored results, because a search counts detection for several plans over the same
+stand.
+"""
 
 
 def tail_level(heights: Floats, number: float) -> float:
-    """The level that the given number of peaks exceeds on average.
+    """The level that is exceeded by the given number of peaks on average.
 
     Parameters
     ----------

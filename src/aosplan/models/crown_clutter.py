@@ -1,12 +1,13 @@
 """Clutter in the integral image from the part of the radiance that whole crowns have in common.
 
 Crowns are described by a field of radiances along the ground with the correlation ρ(r) = exp(-r²/(2
-L²)).  A ray from camera c to ground point t that ends in the canopy at height H shows the field at
-t (1 - H/h) + c H/h.  Two such rays end at independent heights H and H'.  In addition to the offset
-of their targets, they show the field at points that are d = c H/h - c' H'/h apart.  A wide aperture
-and a deep canopy spread each crown over the ground, which reduces its clutter.
+L²)). A ray from camera c to ground point t that ends in the canopy at height H shows the field at t
+(1 - H/h) + c H/h. Two such rays end at independent heights H and H'. They show the field at two
+points whose offset is the offset of the targets plus d = c H/h - c' H'/h. A wide aperture and a
+deep canopy spread each crown over the ground, which reduces its clutter.
 
-The mean of a covariance K(d) over all pairs of photos and of heights is an integral of its spectrum,
+The mean of a covariance K(d) over all pairs of photos and over all pairs of heights is an integral
+of its spectrum,
 
     ∫∫ |φ(k)|² K̂(k) dk/(2π)²,   φ(k) = Σ_H P(H) (1/N) Σ_c exp(i k·c H/h).
 
@@ -34,12 +35,14 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 HIGHEST = 5.0
-"""Highest wave number, multiplied by the length of the crowns.  A share of 1e-6 of the spectrum is
-above it.
+"""Product of the highest wave number and the length L of the crowns. A share of 1e-6 of the
+spectrum is above this wave number.
 """
 
 REACH = 6.0
-"""Distance, divided by the length of the crowns, beyond which their covariance is negligible."""
+"""Distance, divided by the length L of the crowns, beyond which the covariance of the field is
+negligible.
+"""
 
 HEIGHTS = 32
 """Largest number of heights at which rays end.  If there are more, neighbouring heights are
@@ -86,8 +89,8 @@ def crown_covariances(
     k = step * np.arange(-count, count + 1.0)
     power = np.abs(_characteristic(sites_m, slopes, ends, k)) ** 2
     field = CROWN_LENGTH_M * step / math.sqrt(2.0 * math.pi) * _blurred(k, CROWN_LENGTH_M**2)
-    # Second moment per axis of the offset between two points of the window, without and with a
-    # shift.
+    # Second moment, per axis, of the offset between two points of the window: without a shift, and
+    # with a shift.
     pair = near**2 * (target.width_m**2 + target.length_m**2) / 12.0
     moved = pair + 0.5 * (near * kernels.step_m) ** 2
     inside = np.sinc(k * half / math.pi)

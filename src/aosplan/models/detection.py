@@ -6,9 +6,9 @@ detected with probability
 
     POD = E_s Φ̄((u - M (1 - β) (T - s) - η C s)/sd'(s)).
 
-The box contains the target, so that subtracting its mean reduces the signal; η is the share of the
-signal that remains. sd' is the standard deviation if the target hides the ground below it.  A curve
-of POD over C shows the effect of other contrasts.
+The box contains the target, so the subtraction of the mean of the box reduces the signal; η is the
+share of the signal that remains. sd' is the standard deviation of the output if there is a target,
+which hides the ground below it. A curve of POD against C shows the effect of other contrasts.
 """
 
 from __future__ import annotations
@@ -66,7 +66,8 @@ class Detection(NamedTuple):
     curve
         Contrasts in increasing order, each with its POD.
     standard_error
-        Standard error of `probability` because of the limited plot; None if it is unknown.
+        Standard error of `probability`, caused by the limited size of the plot; None if it is
+        unknown.
     """
 
     target: Target
@@ -82,7 +83,7 @@ class Detection(NamedTuple):
 
     @property
     def unseen(self) -> float:
-        """Probability that almost nothing of the target is seen."""
+        """Probability that the seen share of the target is below `UNSEEN`."""
         return 1.0 - self.seen.at_least(UNSEEN)
 
     def document(self) -> dict[str, Any]:
@@ -172,8 +173,8 @@ class DetectionModel:
         return detected(clutter, seen, level, abs(self.signature.contrast), self._kept)
 
     def predict_positions(self, positions_m: Floats) -> Detection:
-        """Detection with photos from any positions, shape (N, 2).  The axes are those of the
-        occluders.
+        """Detection with photos from any positions, shape (N, 2), along the axes of
+        the occluders.
         """
         points = np.asarray(positions_m, dtype=np.float64)
         return self._detect(*self._statistics(points, *_apart(points)))
@@ -187,7 +188,8 @@ class DetectionModel:
     ) -> tuple[Clutter, SeenShare]:
         """Clutter and seen share for photos.
 
-        `share` has the share of all pairs of photos that are at each of the distances.
+        `x_m` and `y_m` are distances between photos, and `share` is the share of all pairs of
+        photos at each of these distances.
         """
         mean = self._mean(x_m, y_m, share)
         transparency = self.pairs.transparency
@@ -219,8 +221,8 @@ class DetectionModel:
         )
 
     def _with_crowns(self, mean: Pairs, sites_m: Floats) -> Pairs:
-        """The means with an additional row for crowns.  It includes pairs of rays with the same
-        occluder, and independent pairs.
+        """The means with an additional row for crowns. The row includes pairs of rays that end at
+        the same occluder and independent pairs.
         """
         pairs = self.pairs
         crowns = crown_covariances(
@@ -283,7 +285,9 @@ def detected(
 
 
 def _offsets_of(pattern: AnyPattern, baseline_m: float) -> tuple[Floats, Floats, Floats]:
-    """Distances along x and y between the photos of a pattern, with their shares of all pairs."""
+    """Distances along x and y between the photos of a pattern, and the share of all pairs at each
+    distance.
+    """
     if not isinstance(pattern, Pattern):
         return _apart(baseline_m * np.array(list(pattern.offsets())))
     # The integrals are equal in all four quadrants.
@@ -295,9 +299,12 @@ def _offsets_of(pattern: AnyPattern, baseline_m: float) -> tuple[Floats, Floats,
 
 
 def _apart(positions_m: Floats) -> tuple[Floats, Floats, Floats]:
-    """Distances along x and y between photos at any positions, with their shares of all pairs."""
+    """Distances along x and y between photos at any positions, and the share of all pairs at each
+    distance.
+    """
     points = np.asarray(positions_m, dtype=np.float64)
     apart = np.round(np.abs(points[:, None] - points[None]).reshape(-1, 2), 6)
-    # Complex numbers are used because sorting them is several times as fast as sorting rows.
+    # The distances are stored as complex numbers, because sorting these is several times as fast as
+    # sorting rows.
     offsets, counts = np.unique(apart[:, 0] + 1j * apart[:, 1], return_counts=True)
     return offsets.real.copy(), offsets.imag.copy(), counts / float(len(points)) ** 2

@@ -22,13 +22,13 @@ b        baseline                 m       distance between neighbouring samples 
 a        aperture                 m       side of the sampled square                  >= 0
 =======  =======================  ======  ==========================================  =========
 
-The paper writes Eq. 2 as a double sum over the offsets of a square grid.  Including its factor N,
-this double sum is the square of the one-dimensional sum in the appendix.  The one-dimensional sum
-is a cubic polynomial of the number of neighbours that overlap.  The computing time of every
-function here is therefore independent of N.
+The paper writes Eq. 2 as a double sum over the offsets of a square grid. Together with its factor
+N, this double sum is the square of the one-dimensional sum in the appendix. The one-dimensional sum
+is a cubic polynomial in the number of neighbours that overlap. The computing time of every function
+here is therefore independent of N.
 
-For scalar arguments the result is a float; arrays are broadcast.  Outside the domain the result is
-``nan``.
+For scalar arguments, the result is a float. Arrays are broadcast. Outside the domain of a function,
+its result is ``nan``.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def line_shortfall(samples: Floats, dhat: Floats) -> Any:
 
 
 def visibility_limits(density: Floats) -> tuple[Any, Any]:
-    """Visibility of one sample and of infinitely many, (Vmin, Vmax) = (1 - p, 1 - p²)."""
+    """Visibility of one sample and of infinitely many samples: (Vmin, Vmax) = (1 - p, 1 - p²)."""
     minimum = elementwise(lambda _, p: (1.0 - p, (p >= 0.0) & (p <= 1.0)), density)
     maximum = elementwise(lambda _, p: ((1.0 - p) * (1.0 + p), (p >= 0.0) & (p <= 1.0)), density)
     return minimum, maximum
@@ -207,10 +207,10 @@ def _sides(rows: Any, columns: Any) -> tuple[Any, ...]:
 def _line(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
     """n κ(n, d̂) of a line, 1 - κ, and whether the arguments are in the domain.
 
-    m is the number of neighbours that overlap, and e = 1 - m d̂ is the overlap of the last of
-    these.  With the sum A = Σ (n-i) (1 - i d̂) of the appendix, n κ = (n + 2A)/n.  The terms are
-    arranged so that the error is at most three units in the last place.  A plain cubic polynomial
-    in m has an error of more than four units.
+    m is the number of neighbours that a sample overlaps, and e = 1 - m d̂ is its overlap with the
+    last of these neighbours. With the sum A = Σ (n-i) (1 - i d̂) of the appendix, n κ = (n + 2A)/n.
+    The terms are arranged so that the error is at most three units in the last place. The same
+    cubic polynomial in its plain form has an error of more than four units.
     """
     valid = (n >= 1.0) & (n < math.inf) & (n == xp.floor(n)) & (d >= 0.0)
     d = xp.minimum(d, 1.0)  # For d̂ > 1 the overlap is 0, as for d̂ = 1.
@@ -262,7 +262,7 @@ def dhat_for_shortfall(
         return float(line_shortfall(columns, dhat) * line_shortfall(rows, pitch_ratio * dhat))
 
     if not reached(1.0) <= shortfall:
-        # The tolerance is needed because the caller may have rounded 1/N differently.
+        # A tolerance is needed, because the caller may have rounded 1/N differently.
         return 1.0 if reached(1.0) <= shortfall * (1.0 + 1e-15) else math.nan
     return smallest(lambda dhat: reached(dhat) <= shortfall, 0.0, 1.0)
 
@@ -271,8 +271,8 @@ def dhat_for_shortfall(
 
 
 def required_samples(vhat: float | str | Decimal | Fraction) -> int:
-    """Smallest number N of samples at d̂ >= 1 whose V̂ = 1 - 1/N reaches a target: exact inverse of
-    Eq. 4.
+    """Smallest number N of samples at d̂ >= 1 whose V̂ = 1 - 1/N reaches a target. This is the
+    exact inverse of Eq. 4.
 
     Parameters
     ----------
@@ -310,11 +310,11 @@ def required_samples(vhat: float | str | Decimal | Fraction) -> int:
 
 
 def required_samples_for_visibility(target: float, density: float) -> int | None:
-    """Smallest number of samples at d̂ >= 1 that reaches a visibility V: Eq. 3 solved for N.
+    """Smallest number N of samples at d̂ >= 1 that reaches a visibility V. This is Eq. 3, solved
+    for N.
 
-    N = ⌈p T / (Vmax - V)⌉.  The result is 1 if V <= Vmin.  If V >= Vmax, no number of samples
-    reaches V, and the result is None.  The exception is p = 0: one sample has V = 1, so the result
-    is 1.
+    N = ⌈p T / (Vmax - V)⌉. The result is 1 if V <= Vmin. If V >= Vmax, no number of samples reaches
+    V, and the result is None. If p = 0, one sample has V = 1, and the result is 1 for every target.
     """
     p = Fraction(density)
     gap = (1 - p * p) - Fraction(target)
@@ -329,7 +329,8 @@ def aperture(samples: Floats, baseline: Floats) -> Any:
     """Side a = (√N - 1) b of the sampled square [m], Eq. 5.
 
     The examples in the text of the paper (b = 2.8 m: 14 m for 25 samples, 19.6 m for 49 samples)
-    are √N b, which is one pitch more than Eq. 5.  Fig. 7 of the paper agrees with Eq. 5.
+    are √N b, which is one pitch longer than the result of Eq. 5. Fig. 7 of the paper agrees with
+    Eq. 5.
 
     Parameters
     ----------

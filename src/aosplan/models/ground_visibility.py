@@ -5,9 +5,10 @@ paper uses vertical rays.  The rays from the samples to a target at any other pl
 are slanted.  They pass through more of the canopy.
 
 - Uniform and layered scenes: a ray at angle θ passes with probability T^(sec θ) (Beer-Lambert, for
-  occluders without a preferred direction).  Let p_i(t) be the share of the target that sample i
-  does not see.  Then V(t) = 1 - (mean p_i)² - K mean p_i (1 - p_i).  K is the shortfall of the
-  plan, because a slant that neighbouring rays have in common hardly changes their shared occluders.
+  occluders without a preferred direction). Let p_i(t) be the share of the target that sample i does
+  not see. Then V(t) = 1 - (mean p_i)² - K mean p_i (1 - p_i). For K, the shortfall of the plan is
+  used: neighbouring rays are slanted in about the same direction, which hardly changes the number
+  of occluders that they share.
 - Measured scenes: V(t) is the prediction for samples at c_i - t, where c_i are the positions of the
   samples.  The stand is assumed to be the same everywhere.
 
@@ -34,8 +35,8 @@ NODES = ((-math.sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (math.sqrt(0.6), 5.0 
 """Gauss-Legendre points on [-1, 1], and weights with the sum 1."""
 
 MOST_RAYS = 1024
-"""Largest number of samples whose rays are evaluated.  If there are more, an evenly spread subset
-is used.
+"""Largest number of samples whose rays are evaluated. If there are more samples, an evenly spread
+subset is used.
 """
 
 
@@ -55,7 +56,7 @@ class GroundVisibility(NamedTuple):
     expected, worst_expected
         Mean and smallest value of V over the ground.
     normalized
-        V̂ of the mean: (V - (1 - p))/(p (1 - p)).
+        V̂ that corresponds to the means: (V - (1 - p))/(p (1 - p)).
     """
 
     size_m: tuple[float, float]
@@ -98,7 +99,8 @@ def ground_visibility(
     Returns
     -------
     visibility
-        None if there is no ground, or if the model cannot predict it.
+        The visibility; None if there is no ground, or if the model cannot predict the visibility of
+        other places.
     """
     if min(size_m) <= 0.0:
         return None
@@ -108,7 +110,7 @@ def ground_visibility(
         return over_ground(size_m, of_statistics(nadir, sites, altitude_m))
     try:
         return over_ground(size_m, measured_at(model, pattern, baseline_m))
-    except RequestError:  # beyond the lags of a saved correlogram
+    except RequestError:  # An offset is larger than the lags of a saved correlogram.
         return None
 
 
@@ -122,7 +124,8 @@ def over_ground(
     size_m
         Size of the rectangle along x and y.
     at
-        Function that returns p and V of a target at (x, y) from the centre.
+        Function that takes a position (x, y) relative to the centre, and returns p and V of a
+        target there.
     """
     half_x, half_y = 0.5 * size_m[0], 0.5 * size_m[1]
     density = expected = 0.0
@@ -142,7 +145,7 @@ def over_ground(
 def of_statistics(
     prediction: Prediction, sites_m: Sequence[tuple[float, float]], altitude_m: float
 ) -> Callable[[float, float], tuple[float, float]]:
-    """Function that returns p and V of a target at (x, y) in a uniform or layered scene.
+    """Make a function that returns p and V of a target at (x, y) in a uniform or layered scene.
 
     Parameters
     ----------
@@ -212,7 +215,8 @@ def measured_at(
         return found.density + more_p, found.expected + more_v
 
     if isinstance(model, MeasuredModel) and model.edges != "wrapped":
-        # Different places count at each offset, so the effect of the slant is taken from the wrapped plot.
+        # For each offset, the rays of other places stay on the plot. These places may have another
+        # density, so the effect of the slant is taken from the wrapped plot.
         alone, model = model.predict(pattern, baseline_m), model.wrapped()
         p, v = at(0.0, 0.0)
         more_p, more_v = alone.density - p, alone.expected - v

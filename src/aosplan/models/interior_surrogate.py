@@ -1,7 +1,8 @@
 """A quick approximation of the measured model for targets whose rays stay on the plot.
 
-The targets that are counted depend on the width of the aperture.  There are correlograms of the
-targets for a few widths, and the prediction for a pattern is interpolated between them.
+The width of the aperture determines the targets whose rays stay on the plot. A correlogram is
+computed from these targets for a few widths. The prediction for a pattern is interpolated between
+the correlograms.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from aosplan.scenes.correlogram import Correlogram
 
 SHARES = (0.0, *INTERIOR)
-"""Widths of the apertures that have tables, as shares of the reach."""
+"""Widths of the apertures for which there are correlograms, as shares of the reach."""
 
 
 class InteriorSurrogate:
@@ -53,18 +54,19 @@ class InteriorSurrogate:
         self._widest_m = correlogram.reach * altitude_m
 
     def __getattr__(self, name: str) -> Any:
-        """Attributes that do not depend on the aperture, from the model for a single view."""
-        if name.startswith("_"):  # `copy` asks for such names before the models exist.
+        """Look up attributes that do not depend on the aperture in the model for a single view."""
+        if name.startswith("_"):  # The module `copy` looks up such names before the models exist.
             raise AttributeError(name)
         return getattr(self._model(0), name)
 
     def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
-        """Density and shortfall of a pattern flown at a baseline."""
+        """Density and shortfall of a pattern that is flown with a baseline."""
         along, across = (side * baseline_m for side in pattern.extent)
         turn = math.radians(self.heading_deg)
         sine, cosine = abs(math.sin(turn)), abs(math.cos(turn))
-        # The width is the mean of the extents along both axes of the plot. The mean is smaller for
-        # a line than for a square of the same length, and more targets are counted for the line.
+        # The width is the mean of the extents along both axes of the plot. For a line, the rays of
+        # more targets stay on the plot than for a square of the same length, so a smaller width is
+        # right for the line.
         mean_m = 0.5 * (along + across) * (sine + cosine)
         share = min(mean_m / self._widest_m, 1.0)
         above = next(i for i, each in enumerate(SHARES) if share <= each)

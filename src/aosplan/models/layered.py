@@ -45,10 +45,10 @@ if TYPE_CHECKING:
 
 
 GROUPS = 64
-"""Number of groups of offsets along an axis, for the bound on the shortfall."""
+"""Number of groups of offsets along an axis, for the lower bound of the shortfall."""
 
 OFFSETS_AT_ONCE = 1_000_000
-"""Number of offsets between known positions that are evaluated at once."""
+"""Number of offsets between known positions that are evaluated together."""
 
 COUNTS_KEPT = 1 << 14
 """Largest number of offsets for which the counts of pairs of a pattern are stored."""
@@ -67,7 +67,7 @@ class LayeredModel:
     focal_length_px
         If given, occluders are treated as at least one pixel large.
     hold_error_m
-        Standard deviation of the positions around their sites, per axis.
+        Standard deviation, per axis, of the positions around their sites.
     rays
         ``nadir``, ``oblique`` or ``cubes`` (`aosplan.models.oblique_rays`).
     """
@@ -112,7 +112,7 @@ class LayeredModel:
 
     @property
     def density(self) -> float:
-        """p of independent slices, 1 - Π q_j."""
+        """Density p = 1 - Π q_j of independent slices."""
         return self._slices.hidden
 
     @property
@@ -122,7 +122,7 @@ class LayeredModel:
 
     @property
     def independent_baseline_m(self) -> float:
-        """Smallest baseline at which K = 1/N.  With position noise, this holds within rounding
+        """Smallest baseline at which K = 1/N. With position noise, K = 1/N is true within rounding
         errors.
         """
         return self._reach_within(self.hold_error_m)
@@ -138,7 +138,9 @@ class LayeredModel:
 
     @property
     def rises_with_baseline(self) -> bool:
-        """Whether rays are nadir rays; see `aosplan.models.uniform` for the reason."""
+        """Whether the visibility never decreases with the baseline. This is true for nadir rays;
+        `aosplan.models.uniform` gives the reason.
+        """
         return self.rays == "nadir"
 
     @remembered
@@ -151,7 +153,8 @@ class LayeredModel:
                 return Prediction(self.density, self.transparency, 1.0 / pattern.samples)
             points = baseline_m * np.array(list(pattern.offsets()))
             return self._predict_at(points, self.hold_error_m)
-        baseline_m = min(baseline_m, 1e300)  # Infinity times an offset of 0 would be nan.
+        # The product of infinity and an offset of 0 would be nan.
+        baseline_m = min(baseline_m, 1e300)
         reach_x = _reach(pattern.columns, baseline_m, reach)
         reach_y = _reach(pattern.rows, baseline_m * pattern.row_pitch, reach)
         offsets_x: Floats = baseline_m * np.arange(reach_x + 1.0)
@@ -165,11 +168,11 @@ class LayeredModel:
         return Prediction(self.density, self.transparency, shortfall)
 
     def at_best(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
-        """A fast upper bound of the visibility with nadir rays.  Its computing time does not depend
+        """A fast upper bound of the visibility with nadir rays. The computing time does not depend
         on N.
 
-        Offsets are grouped, and each group is evaluated at its largest offset.  This is a bound,
-        because the covariance of a pair decreases with the distance.
+        Offsets are grouped, and each group is evaluated at its largest offset. The covariance of a
+        pair decreases with the offset, so the result is an upper bound of the visibility.
         """
         if not isinstance(pattern, Pattern) or pattern.removed or pattern.samples <= GROUPS**2:
             return self.predict(pattern, baseline_m)
@@ -198,8 +201,8 @@ class LayeredModel:
         return _shortfall_at(points, self._pairs, self.independent_baseline_m)
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
-        """p of samples at known positions, shape (N,).  It differs between samples, because slanted
-        rays meet more occluders.
+        """p of samples at known positions, shape (N,). Its values differ, because rays that are
+        slanted more meet more occluders.
         """
         from aosplan.models.oblique_rays import hidden_shares
 
@@ -222,7 +225,7 @@ def _shortfall_at(points: Floats, pairs: RayPairs, reach_m: float) -> float:
     total = 0.0
     for start in range(0, count, block):
         x, y = np.abs(points[start:, None] - points[None, start : start + block]).T
-        # Each pair is used once, with the later site as its second site.
+        # Each pair is used once. Its second site is the one that comes later.
         near = np.triu((x < reach_m) & (y < reach_m), 1)
         total += float(pairs.at(x[near], y[near]).sum())
     return (count + 2.0 * total) / count**2
@@ -253,7 +256,7 @@ def layered_visibility(
     Returns
     -------
     float
-        V; ``nan`` if an argument is outside its domain.
+        Visibility V; ``nan`` if an argument is outside its domain.
     """
     prediction = _prediction(layers, altitude, rows, columns, baseline)
     return math.nan if prediction is None else prediction.expected
@@ -309,9 +312,11 @@ def _reach(count: int, pitch_m: float, reach_m: float) -> int:
 
 
 def _groups(count: int, reach: int) -> tuple[Floats, Floats]:
-    """Largest offset of each group of pairs along a line, and the number of ordered pairs in it."""
+    """Largest offset of each group of pairs along a line, and the number of ordered pairs in each
+    group.
+    """
     far = np.unique(np.linspace(0.0, reach, GROUPS).round())
-    # number of ordered pairs at each distance or a smaller one
+    # This is the number of ordered pairs at each distance or at a smaller distance.
     up_to = count + far * (2.0 * count - far - 1.0)
     return far, np.diff(up_to, prepend=0.0)
 

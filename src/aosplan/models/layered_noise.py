@@ -1,18 +1,21 @@
 """Expected values of the covariance of two samples over the noise of their positions.
 
-The covariance f(x, y) of two samples that are (x, y) apart is a product over slices.  Its mean over
-Gaussian noise has no closed form.  However, f is even along both axes and zero beyond the largest
-reach Δ_j of the slices, and it is smooth between two reaches.  The values F of f at the nodes of a
-few panels are therefore computed once for all plans.  Within each panel, f is interpolated by
-Lagrange polynomials ℓ_a.  With the position noise η, the expected value is then bilinear in F:
+The covariance f(x, y) of two samples that are (x, y) apart is a product over slices. Its mean over
+Gaussian noise has no closed form. However, f is even along both axes, zero beyond the largest reach
+Δ_j of the slices, and smooth between two reaches. The axes are therefore divided into a few panels,
+and the values F of f at the nodes of the panels are computed once for all plans. Within each panel,
+f is interpolated by Lagrange polynomials ℓ_a. With the position noise η, the expected value is then
+bilinear in F:
 
     E[f(|x + η|, |y + η'|)] = w(x)ᵀ F w(y),   w_a(x) = E[ℓ_a(|x + η|)].
 
-The weights w are integrals of polynomials times a Gaussian, separate for each axis.
+The weights w are integrals of a polynomial times a Gaussian. They are computed for each axis
+separately.
 
-A panel is split at the reach of a slice in it, or in the middle if it contains no reach.  This is
-repeated until the interpolation of f along an axis has an error below `TOLERANCE` times f(0, 0).
-Along an axis f is steepest.  The relative error of K is about the same.
+A panel that contains the reach of a slice is split there. Other panels are split in the middle.
+This is repeated until the interpolation of f along an axis has an error below `TOLERANCE` times
+f(0, 0). The error is tested along the axes, because f is steepest there. The relative error of K is
+about as large.
 """
 
 from __future__ import annotations
@@ -44,7 +47,8 @@ QUADRATURE = 40
 """Number of points of the Gauss-Legendre rule for an interval of seventeen standard deviations of a
 Gaussian.
 
-For a panel of at most one and a half standard deviations, a quarter of these points is enough.
+For a panel that is at most one and a half standard deviations wide, a quarter of these points is
+enough.
 """
 
 
@@ -54,8 +58,8 @@ class BlurredTable:
     Parameters
     ----------
     function
-        f(x, y) for arrays of distances [m] of equal shape, at least 0.  It is symmetric, and 0
-        beyond the largest reach.
+        The function f(x, y). It takes two arrays of distances [m] of equal shape, at least 0. It is
+        symmetric, and 0 beyond the largest reach.
     reaches_m
         Distances at which the slope of f jumps.
     """
@@ -72,7 +76,8 @@ class BlurredTable:
         self._table.T[upper] = values
 
     def blurred(self, x_m: Floats, y_m: Floats, deviation_m: float) -> Floats:
-        """Expected values if the distances of a pair along both axes are uncertain.
+        """Expected values of f if the distances between the samples of a pair are uncertain along
+        both axes.
 
         Parameters
         ----------
@@ -91,7 +96,7 @@ class BlurredTable:
         return result
 
     def blurred_pairs(self, x_m: Floats, y_m: Floats, deviation_m: float) -> Floats:
-        """Expected values for pairs of distances, shape (pairs,)."""
+        """Expected values of f for pairs (x, y) of distances, shape (pairs,)."""
         along_y, along_x = (self._weights(at, deviation_m) for at in (y_m, x_m))
         result: Floats = np.einsum("pn,pn->p", along_y @ self._table, along_x)
         return result

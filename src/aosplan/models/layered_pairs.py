@@ -32,13 +32,13 @@ PAIRS_AT_ONCE = 2000
 """Number of pairs of scattered samples for which expected values are computed at once."""
 
 SPARSE = 1e-17
-"""Density below which the covariance equals the mean of the overlaps, within floating-point
+"""Density below which the covariance equals the mean of the overlaps within floating-point
 precision.
 """
 
 LARGEST_LOG = 700.0
-"""Largest exponent that does not overflow.  Results with larger exponents are only multiplied by
-0.
+"""Exponents are limited to this value, so that the exponential does not overflow. Results with
+larger exponents do not matter, because they are multiplied by 0.
 """
 
 
@@ -89,8 +89,8 @@ class Slices:
         """Π q_j, share of the target that a nadir ray sees."""
         if -self.log_transparency < len(self.density):
             return math.exp(self.log_transparency)
-        # For a large logarithm, the exponential loses more digits than the product of all factors.
-        # q + lost is exactly 1 - D.
+        # The factors are multiplied, because the exponential of a large sum of logarithms has a
+        # larger error. q + lost is exactly 1 - D.
         q = 1.0 - self.density
         lost = (1.0 - q) - self.density
         return float(q.prod()) * math.exp(float((lost / q).sum()))
@@ -98,17 +98,18 @@ class Slices:
     def covariance(self, x: Floats, y: Floats) -> Floats:
         """Cov/(p T) of pairs of nadir rays whose samples are (x, y) apart.
 
-        It is (T/p) (exp Σ log(1 + τ_j D_j/q_j) - 1).  If nearly all of the target is hidden, the
-        logarithms are large, and this formula multiplies their rounding errors.  In this case, the
-        same value is computed as (exp Σ log(1 - D_j (1 - τ_j)) - T)/p.  This difference loses
-        digits only if T is not small.
+        It is (T/p) (exp Σ log(1 + τ_j D_j/q_j) - 1). If nearly all of the target is hidden, the
+        logarithms are large, and this formula increases their rounding errors. In this case, the
+        covariance is computed as (exp Σ log(1 - D_j (1 - τ_j)) - T)/p. This difference loses digits
+        only if T is not small, which is not the case here.
         """
         p, t = self.hidden, self.transparency
         if p > 0.9:
             clear = np.exp(self._sums(lambda tau: np.log1p((tau - 1.0) * self.density), x, y))
             return np.asarray(np.maximum(clear - t, 0.0) / p)
         if 0.0 < p < SPARSE:
-            # The shares have the sum 1. They are used because t/p could overflow.
+            # `share` is the contribution of each slice to p, divided by p. It is used because t/p
+            # could overflow.
             share = self.density / p
             return self._sums(lambda tau: tau * share, x, y)
         scale = t / p if p > 0.0 else 0.0
@@ -144,8 +145,8 @@ def _overlaps(distance: Floats) -> Floats:
 
 
 class RayPairs:
-    """Expected covariance of pairs of rays with position noise, as a function of the offset of
-    their samples.
+    """Expected covariance of pairs of rays with position noise, as a function of the offset between
+    the two samples.
 
     Parameters
     ----------
@@ -169,7 +170,9 @@ class RayPairs:
         return BlurredTable(self._sharp, self._reach_m) if noisy else None
 
     def at(self, x: Floats, y: Floats) -> Floats:
-        """Values for pairs of different samples that are (x, y) apart, shape (pairs,)."""
+        """Expected covariances of pairs of different samples that are (x, y) apart,
+        shape (pairs,).
+        """
         if self._table is None:
             return self._sharp(x, y)
         parts = (slice(i, i + PAIRS_AT_ONCE) for i in range(0, len(x), PAIRS_AT_ONCE))
@@ -177,8 +180,8 @@ class RayPairs:
         return np.concatenate(blurred) if blurred else np.zeros(0)
 
     def at_crossings(self, x: Floats, y: Floats) -> Floats:
-        """Values for all combinations of the offsets, shape (y, x).  The first value is for a
-        sample with itself.
+        """Expected covariances for all combinations of the offsets, shape (y, x). The first value
+        is that of a sample with itself.
         """
         if self._table is None:
             along_y, along_x = np.meshgrid(y, x, indexing="ij")

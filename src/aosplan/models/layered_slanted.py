@@ -28,8 +28,8 @@ LENGTHS = 5
 """Number of ray lengths between which the covariance is interpolated."""
 
 LARGEST_SLANT = 30.0
-"""Largest logarithm of the transparency of a nadir ray divided by that of a slanted ray.  If it is
-larger, the slanted ray is neglected.
+"""Slanted rays are neglected if the logarithm of a ratio is larger than this. The ratio is the
+transparency of a nadir ray divided by that of the slanted ray.
 """
 
 
@@ -56,8 +56,8 @@ class SlantedRays:
     def predict(
         self, pattern: Pattern, baseline_m: float, offsets_x_m: Floats, offsets_y_m: Floats
     ) -> Prediction:
-        """Prediction for a lattice.  The offsets along each axis are those at which the covariance
-        is not 0.
+        """Prediction for a lattice. `offsets_x_m` and `offsets_y_m` are the offsets along each axis
+        at which the covariance is not 0.
         """
         rays = bundle(pattern, baseline_m, *self._rays)
         shared = self._along(
@@ -78,27 +78,27 @@ class SlantedRays:
     def _along(
         self, longest: float, evaluated: Callable[[RayPairs], Floats]
     ) -> Callable[[Any, Floats], Floats]:
-        """P(both clear)/(T_i T_k) - 1, as a function of an index of pairs and of the lengths of
-        their rays.
+        """P(both clear)/(T_i T_k) - 1, as a function of the indices of pairs and of the lengths of
+        their rays. P(both clear) is the probability that nothing blocks either of the two rays.
 
         Parameters
         ----------
         longest
             Length of the longest ray.
         evaluated
-            Function that evaluates the pairs at one length as an array.  The first argument of the
-            result is an index into this array, after the axis of the lengths.
+            Function that returns the values of all pairs for one length, as an array. The first
+            argument of the returned function is an index into such an array.
         """
-        # The width of the interval is a power of two times 0.1, so that the same tables of noise
-        # can be used for many apertures. Rays that are much longer than the shortest ray transmit
-        # so little that they are neglected.
+        # The width of the interval is a power of two times 0.1. The same tables of noise can then
+        # be used for many apertures. Rays that are much longer than the shortest ray are neglected,
+        # because they transmit very little.
         longest = min(longest, 1.0 - LARGEST_SLANT / min(self._slices.log_transparency, -1e-9))
         half = 0.05 * 2.0 ** max(math.ceil(math.log2((longest - 1.0) / 0.1 + 1e-300)), 0)
         places = np.cos(np.pi * (np.arange(LENGTHS) + 0.5) / LENGTHS)
         lengths = (1.0 + half * (1.0 + places)).tolist()
         logs = np.array([np.log1p(evaluated(self._pairs_of(length))) for length in lengths])
-        # At the zeros of T_n, sums over the values give the coefficients of the interpolating
-        # polynomial: c_j = (2/n) Σ_k f(x_k) T_j(x_k), and half of it for j = 0.
+        # The nodes x_k are the zeros of the Chebyshev polynomial T_n. The coefficients of the
+        # interpolating polynomial are c_j = (2/n) Σ_k f(x_k) T_j(x_k), and half of this for j = 0.
         sums = np.polynomial.chebyshev.chebvander(places, LENGTHS - 1).T * (2.0 / LENGTHS)
         sums[0] *= 0.5
         series = np.tensordot(sums, logs, axes=1)
@@ -113,7 +113,7 @@ class SlantedRays:
     def _pairs_of(self, length: float) -> RayPairs:
         """Pairs of rays of a given length, with their table of noise."""
         if length not in self._pairs:
-            # The tables are for other lengths, because the aperture was different.
+            # The stored tables are for the lengths of another aperture.
             if len(self._pairs) >= LENGTHS:
                 self._pairs.clear()
 

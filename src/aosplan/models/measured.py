@@ -1,10 +1,10 @@
 """The measured model: predictions from the voxels of a stand.
 
-In a real stand, crowns and trunks are clumps, so that slices are not independent and occluders
-differ in size.  If every voxel is known, however, the targets that each view hides are also known
-(`aosplan.scenes.occlusion`).  The prediction is then a count, which is exact for the sites of the
-plan in any pattern.  Let c be the number of the N views that hide a target, and let Σ be the sum
-over all n targets.  Then
+In a real stand, crowns and trunks are clumps. Slices are therefore not independent, and occluders
+differ in size. If every voxel is known, however, the targets that each view hides are also known
+(`aosplan.scenes.occlusion`). The prediction then counts hidden targets. It is exact for the sites
+of the plan, whatever their pattern. Let c be the number of the N views that hide a target, and let
+Σ be the sum over all n targets. Then
 
     p̄ = Σ c / (N n),   V = 1 - Σ c² / (N² n),   K = (n Σ c² - (Σ c)²) / (Σ c (N n - Σ c)).
 
@@ -12,15 +12,21 @@ K follows from V = 1 - p̄² - p̄ (1 - p̄) K and is computed with whole number
 computed from pairs of views: it is the sum of J n over all ordered pairs, where J is the share of
 targets that both views hide.
 
-`density` is p̄, the mean over the plan's own views, because rays off nadir meet more occluders.  V
-therefore has a maximum at a finite aperture, so that V is not a monotone function of the baseline.
-V̂ is not strictly monotone either.  K may be less than 1/N, for two reasons.  Two views may hide
-fewer targets in common than by chance.  Views that hide different shares of the plot reduce the
-variance between targets.
+`density` is p̄, the mean over the views of the plan. It depends on the baseline, because slanted
+rays meet more occluders than nadir rays. V therefore has a maximum at a finite aperture, and is not
+a monotone function of the baseline. V̂ is not strictly monotone either. K may be less than 1/N, for
+two reasons. Two views may hide fewer targets in common than independent views would. If views hide
+different shares of the plot, the variance between targets is smaller.
 
-**Edges.**  The plot is periodic: it is surrounded by copies of itself, so that every target has a canopy. However, a plot that was clipped out of a cloud is sparse at its rim, and the rim of a copy is next to the rim of the plot. If `edges` is ``interior``, only targets whose rays all stay on the plot are counted.
+**Edges.** The plot is periodic, which means that it is surrounded by copies of itself. Every target
+is therefore below a canopy. However, a plot that was clipped out of a point cloud is sparse at its
+rim, and copies make this sparse rim twice as wide. If `edges` is ``interior``, only targets whose
+rays all stay on the plot are counted.
 
-**Noise.**  If positions deviate randomly from their sites, V and p̄ are random too. Their expected values are computed as means over simulated flights (`MeasuredModel.noise_expectation`), with standard errors. The number of flights is chosen so that they have about `REALISED_VIEWS` views in total. The random numbers are the same for every plan, so that plans can be compared.
+**Noise.** If positions deviate randomly from their sites, V and p̄ are random too. Their expected
+values are computed as means over simulated flights (`MeasuredModel.noise_expectation`), with
+standard errors. The number of flights is chosen so that they have about `REALISED_VIEWS` views in
+total. The random numbers are the same for every plan. Plans can therefore be compared.
 """
 
 from __future__ import annotations
@@ -70,8 +76,8 @@ at least two flights.
 
 
 class NoiseExpectation(NamedTuple):
-    """Expected prediction over flights with position noise, the number of flights, and the standard
-    errors.
+    """Mean prediction of simulated flights with position noise, the number of these flights, and
+    the standard errors of the mean.
     """
 
     prediction: Prediction
@@ -101,7 +107,7 @@ class MeasuredModel:
     focal_height_m
         Height of the focal plane above the ground.
     hold_error_m
-        Standard deviation of the positions around their sites, east and north.
+        Standard deviation, along both axes, of the positions around their sites.
     edges
         The targets that are counted.  ``wrapped``: all targets, with copies of the plot around it.
         ``interior``: targets whose rays all stay on the plot.  ``auto``: as ``interior`` if their
@@ -225,15 +231,16 @@ class MeasuredModel:
         return window
 
     def _margins(self, positions_m: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Widths of the margins at both ends of x and y, in targets.  From a target in a margin,
-        some ray leaves the plot.
+        """Widths of the margins at both ends of x and y, in targets. At least one ray from each
+        target in a margin leaves the plot.
         """
         positions = np.asarray(positions_m, dtype=np.float64)
         volume, altitude_m, focal_height_m = self._stand
         rise = max(volume.canopy_top_m - focal_height_m, 0.0) / altitude_m
         low, high = -positions.min(axis=0), positions.max(axis=0)
         if self.view == "perspective":
-            # The plot is convex, so that a ray whose two ends are above the plot stays above it.
+            # The plot is convex. A ray whose two ends are above the plot therefore stays above the
+            # plot.
             half = 0.5 * np.array(volume.size_m)
             low, high, rise = low - half, high - half, rise / (1.0 - rise)
         # The margins are whole voxels, because all targets of a voxel are treated in the same way.
@@ -264,7 +271,7 @@ class MeasuredModel:
 
     @property
     def density(self) -> float:
-        """p of a single nadir sample."""
+        """Density p of a single nadir sample."""
         return self.nadir.density
 
     @property
@@ -276,9 +283,9 @@ class MeasuredModel:
     def independent_baseline_m(self) -> float:
         """Largest distance [m] between two views for which the plot is large enough.
 
-        At this distance, their rays are half a plot apart at the canopy top.  At larger distances,
-        the rays are closer together again, because the plot is periodic.  This distance limits the
-        aperture, and therefore every baseline.
+        At this distance, the rays of the two views are half a plot apart at the top of the canopy.
+        At larger distances, the rays meet similar parts of the periodic plot again. This distance
+        is the largest allowed aperture, and therefore a limit of the baseline.
         """
         return self._widest_m
 
@@ -302,9 +309,8 @@ class MeasuredModel:
 
     @remembered
     def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
-        """Density and shortfall of a pattern flown at a baseline.  They are exact for the sites.
-
-        With position noise, they are means over flights (`noise_expectation`).
+        """Density and shortfall of a pattern that is flown with a baseline. They are exact for the
+        sites. With position noise, they are means over simulated flights (`noise_expectation`).
         """
         if self.hold_error_m > 0.0:
             return self.noise_expectation(pattern, baseline_m).prediction
@@ -326,7 +332,8 @@ class MeasuredModel:
     def noise_expectation(self, pattern: AnyPattern, baseline_m: float) -> NoiseExpectation:
         """Expected prediction for a pattern that is flown with position noise."""
         flights = list(self.flights_m(pattern, baseline_m))
-        # All flights are computed in one call, because the views share most of the work.
+        # All flights are computed in one call, because their views use the same intermediate
+        # results.
         views = self._views(np.concatenate(flights))
         window = self.interior(np.concatenate(flights))
         found = [self._predict(islice(views, pattern.samples), window) for _ in flights]
@@ -359,15 +366,15 @@ class MeasuredModel:
         Returns
         -------
         Prediction
-            The prediction.  Its density is the mean over the views.  If nothing or everything is
-            hidden, the views are treated as independent, and the shortfall is 1/N.
+            The prediction. Its density is the mean over the views. If no target or every target is
+            hidden in all views, the views are treated as independent, and the shortfall is 1/N.
         """
         return self._predict(self._views(positions_m), self.interior(positions_m))
 
     def hidden_at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """p of views at known positions, shape (N,), from the correlogram of the stand.
 
-        In perspective, every view covers the whole plot, so that the share hardly depends on the
+        In perspective, every view shows the whole plot. The share therefore hardly depends on the
         position.
         """
         points = np.asarray(positions_m, dtype=np.float64)
@@ -378,8 +385,8 @@ class MeasuredModel:
     def correlation(
         self, x_m: NDArray[np.float64], y_m: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """ρ of two views for their offset to the east and to the north, from the stand's
-        correlogram.
+        """ρ of two views that are offset from each other to the east and to the north, from the
+        correlogram of the stand.
 
         The correlogram is telecentric.  A correlation computed directly from the voxels would
         depend on single gaps of the plot.
@@ -456,7 +463,8 @@ class MeasuredModel:
         return found
 
     def joint_density(self, positions_m: ArrayLike) -> NDArray[np.float64]:
-        """J, the share of targets that both views of each pair hide, shape (N, N).
+        """J, the share of targets that are hidden in both views of a pair, for all pairs, shape (N,
+        N).
 
         For any subset S of the positions, p̄ is the mean of J_ii, and V is 1 minus the mean of J_ik
         over all i and k in S.

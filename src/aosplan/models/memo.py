@@ -18,8 +18,8 @@ MOST_KEPT = 4096
 
 
 class StoredPredictions(Protocol):
-    """A model that stores its predictions.  Its copies at other headings share the stored
-    predictions.
+    """A model that stores its predictions. The storage is shared with copies of the model at other
+    headings.
     """
 
     hold_error_m: float

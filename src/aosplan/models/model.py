@@ -1,19 +1,19 @@
 """The interface of visibility models, and the prediction that they share.
 
-Each model is a module with a class that has the methods of `VisibilityModel`.  A model is created
-for one scene and one altitude.  It predicts the integrated density and the shortfall of a pattern
-flown at a baseline.  `Prediction` computes all other quantities from these two, in the same way for
-every model.
+Each model is a module with a class that has the methods of `VisibilityModel`. A model is created
+for one scene and one altitude. It predicts the integrated density and the shortfall of a pattern
+that is flown with a baseline. `Prediction` computes all other quantities from these two, in the
+same way for every model.
 
 - `aosplan.models.uniform`: one volume with occluders of one kind, the model of the paper.
 - `aosplan.models.layered`: independent slices, each with its own height, size and density.
 - `aosplan.models.measured`: the voxels of a stand.
 
-The models use functions in other modules.  `aosplan.models.equations` has Eq. 1 to 5 of the paper.
-`aosplan.models.positions` has the shortfall of any set of positions, on a lattice or not.
-`aosplan.models.position_noise` adds position noise for one volume, and
-`aosplan.models.layered_noise` for stacks of slices.  `aosplan.models.oblique_rays` has the effect
-of slanted rays.  `aosplan.models.memo` stores predictions.
+The models use functions in other modules. `aosplan.models.equations` has Eq. 1 to 5 of the paper.
+`aosplan.models.positions` has the shortfall of any set of positions, whether or not they are on a
+lattice. `aosplan.models.position_noise` adds position noise for one volume, and
+`aosplan.models.layered_noise` for stacks of slices. `aosplan.models.oblique_rays` has the effect of
+slanted rays. `aosplan.models.memo` stores predictions.
 """
 
 from __future__ import annotations
@@ -40,15 +40,18 @@ RAYS = ("nadir", "oblique", "cubes")
 
 
 def contrast_squared(density: Any, transparency: Any, shortfall: Any) -> Any:
-    """Square of the contrast of a target divided by the noise of the occluders, (1-p)/(p K)."""
+    """Square of the contrast between target and occluders, divided by the noise that the occluders
+    cause: (1-p)/(p K).
+    """
     return 1.0 / shortfall * transparency / density
 
 
 class Prediction(NamedTuple):
     """Prediction of a model for one set of samples.
 
-    `density` is p, the share of the target that one sample does not see.  `transparency` is 1 - p;
-    it is accurate even if p is close to 1.  `shortfall` is K = 1 - V̂.
+    `density` is p, the share of the target that one sample does not see. `transparency` is 1 - p.
+    It is stored separately because it is accurate even if p is close to 1. `shortfall` is K = 1 -
+    V̂.
     """
 
     density: float
@@ -87,7 +90,9 @@ class Prediction(NamedTuple):
 
     @property
     def contrast(self) -> float:
-        """Contrast of the target divided by the noise of the occluders, √((1-p)/(p K))."""
+        """Contrast between target and occluders, divided by the noise that the occluders cause:
+        √((1-p)/(p K)).
+        """
         if self.density == 0.0 or self.shortfall <= 0.0:
             return math.inf
         return math.sqrt(contrast_squared(*self))
@@ -102,7 +107,7 @@ class VisibilityModel(Protocol):
 
     @property
     def density(self) -> float:
-        """p of a single nadir sample."""
+        """Density p of a single nadir sample."""
 
     @property
     def transparency(self) -> float:
@@ -110,8 +115,8 @@ class VisibilityModel(Protocol):
 
     @property
     def independent_baseline_m(self) -> float:
-        """Smallest baseline at which neighbouring samples share no occluder, so that K = 1/N.  It
-        may be inf.
+        """Smallest baseline at which neighbouring samples do not share occluders, and therefore K =
+        1/N. It may be inf.
         """
 
     @property
@@ -137,7 +142,7 @@ class VisibilityModel(Protocol):
         """
 
     def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
-        """Density and shortfall of a pattern flown at a baseline."""
+        """Density and shortfall of a pattern that is flown with a baseline."""
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
         """Density and shortfall of samples at known positions from the centre, shape (N, 2).
@@ -165,7 +170,7 @@ AnyModel = TypeVar("AnyModel", bound=VisibilityModel)
 
 
 def at_heading(model: AnyModel, heading_deg: float) -> AnyModel:
-    """The same model for patterns at another heading; both models share stored results.
+    """The same model for patterns at another heading. Both models use the same stored results.
 
     If the scene does not depend on direction, it is the model itself.
     """
@@ -178,8 +183,8 @@ def at_heading(model: AnyModel, heading_deg: float) -> AnyModel:
 
 
 def prediction_document(prediction: Prediction) -> dict[str, float | None]:
-    """The numbers of a prediction.  Without occluders, the normalised visibility is not defined and
-    is None.
+    """The numbers of a prediction. Without occluders, the normalised visibility is not defined, and
+    its value is None.
     """
     clear = prediction.density == 0.0
     return {

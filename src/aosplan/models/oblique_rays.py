@@ -13,10 +13,11 @@ The transparency T_i = Π q^e_i of sample i is the product over all slices.  It 
 samples, and p̄ = 1 - mean T_i.  As in the measured model, V = 1 - mean J_ik and K = (mean J_ik -
 p̄²)/(p̄ (1 - p̄)), where J_ik is the share of the target that both samples i and k do not see.
 
-**Assumption** for two rays of different lengths: in a slice, they have in common a share τ of the
-occluders of the shorter ray, and no other occluders.  Both rays then pass the slice with
-probability q^(e_i + e_k) (1 + τ (q^-min(e_i, e_k) - 1)).  Equal rays have all occluders in common
-(τ = 1), and distant rays have no occluder in common (τ = 0).  For nadir rays the formula becomes q²
+**Assumption** for two rays of different lengths: in each slice, a share τ of the occluders on the
+shorter ray is also on the longer ray. The rays have no other occluders in common. Both rays then
+pass the slice with probability q^(e_i + e_k) (1 + τ (q^-min(e_i, e_k) - 1)). Equal rays have all
+occluders in common (τ = 1), and distant rays have no occluder in common (τ = 0). For nadir rays the
+formula becomes q²
 + D q τ, with D = 1 - q.
 """
 
@@ -98,7 +99,8 @@ class RayBundle(NamedTuple):
             Largest offsets in rows and columns at which rays share an occluder.
         shared
             ``shared(rows apart, columns apart, lengths)`` returns P(both clear)/(T_i T_k) - 1 for
-            pairs of rays.  `lengths` has the length of the shorter ray of each pair.
+            pairs of rays. P(both clear) is the probability that nothing blocks either ray.
+            `lengths` has the length of the shorter ray of each pair.
         """
         t, e = self.transparency, self.lengths
         rows, columns = t.shape
@@ -113,7 +115,8 @@ class RayBundle(NamedTuple):
                     total += 2.0 * float((both * common).sum())
         clear = float(t.sum()) / self.samples
         spread = self.density * clear
-        # If nothing or everything is hidden, views are treated as independent.
+        # If the target is completely visible or completely hidden, the views are treated as
+        # independent.
         shortfall = total / (self.samples**2 * spread) if spread > 0.0 else 1.0 / self.samples
         return Prediction(self.density, clear, shortfall)
 
@@ -134,9 +137,9 @@ def predict_scattered(
     altitude_m, kind, log_transparency
         As in `bundle`.
     shared
-        ``shared(x, y, lengths)`` returns P(both clear)/(T_i T_k) - 1 for pairs of rays.  `x` and
-        `y` are the distances along both axes, and `lengths` has the length of the shorter ray of
-        each pair.
+        ``shared(x, y, lengths)`` returns P(both clear)/(T_i T_k) - 1 for pairs of rays, as in
+        `RayBundle.predict`. `x` and `y` are the distances along both axes, and `lengths` has the
+        length of the shorter ray of each pair.
     """
     lengths = ray_lengths(points_m[:, 0], points_m[:, 1], altitude_m, kind)
     t = np.exp(lengths * log_transparency)
@@ -152,7 +155,7 @@ def predict_scattered(
 def bundle(
     pattern: Pattern, baseline_m: float, altitude_m: float, kind: str, log_transparency: float
 ) -> RayBundle:
-    """The rays of a pattern flown at a baseline.
+    """The rays of a pattern that is flown with a baseline.
 
     Parameters
     ----------

@@ -1,19 +1,19 @@
 """Position noise: its effect on the shortfall.
 
 The position of each photo has an independent Gaussian error with the standard deviation σ per axis.
-The actual positions are known afterwards.  Two samples whose sites are Δ apart are then Δ + η
-apart, where η has the standard deviation σ√2 per axis.  The expected overlap g of their occluders
-is the triangle of Eq. 2, convolved with a Gaussian along each axis.  A sample has all occluders in
-common with itself.  For N samples,
+The actual positions are known after the flight. Two samples whose sites are Δ apart are then Δ + η
+apart, where η has the standard deviation σ√2 per axis. The expected overlap g of their occluders is
+the triangle of Eq. 2, convolved with a Gaussian along each axis. A sample has all occluders in
+common with itself. For N samples,
 
     K = (N + Σ g(Δx) g(Δy)) / N²,   with the sum over all ordered pairs of different samples.
 
-Noise moves neighbours closer together as often as farther apart.  If d̂ >= 1, neighbours that move
-apart still have no overlap, but neighbours that move closer together have one.  V̂ therefore
-decreases.  If d̂ is much smaller, V̂ increases, because noise makes the aperture larger.  For a
-square of n x n sites at d̂ = 1, the decrease to first order in s = σ/b is 4 (n-1)/n³ e₁ e₀ + 4
-(n-1)²/n⁴ e₁² where e₁ = s/√π and e₀ = 1 - 2 e₁.  For 49 samples and s = 0.43, this is 0.0123, and
-the exact value is 0.0117.
+Noise decreases the distance between neighbours as often as it increases it. If d̂ >= 1, neighbours
+do not overlap at their sites. A larger distance changes nothing, but a smaller distance causes an
+overlap. V̂ therefore decreases. If d̂ is much smaller, V̂ increases, because noise makes the
+aperture larger. For a square of n x n sites at d̂ = 1, the decrease to first order in s = σ/b is 4
+(n-1)/n³ e₁ e₀ + 4 (n-1)²/n⁴ e₁² where e₁ = s/√π and e₀ = 1 - 2 e₁. For 49 samples and s = 0.43,
+this is 0.0123, and the exact value is 0.0117.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ m²).
 def blurred_overlap(distance: Floats, spread: Floats) -> Any:
     """Expected overlap E[max(0, 1 - |u + ς Z|)] of occluders at an uncertain distance.
 
-    Z is a standard normal variable.  With R(t) = E[max(0, ς Z - t)], the three corners of the
-    triangle give g(u) = max(0, 1 - |u|) + R(|u + 1|) - 2 R(|u|) + R(|u - 1|).  For ς > 1 these
-    terms cancel, and a series of the Gaussian's derivatives is used, g(u) = Σ 2 φ^(2m)(u/ς) /
-    ((2m+2)! ς^(2m+1)).
+    Z is a standard normal variable. With R(t) = E[max(0, ς Z - t)], the sum over the three corners
+    of the triangle is g(u) = max(0, 1 - |u|) + R(|u + 1|) - 2 R(|u|) + R(|u - 1|). For ς > 1, these
+    terms nearly cancel. A series of the Gaussian's derivatives is used instead: g(u) = Σ 2
+    φ^(2m)(u/ς) / ((2m+2)! ς^(2m+1)).
 
     Parameters
     ----------
@@ -94,8 +94,8 @@ def _density(xp: Any, z: Any) -> Any:
 
 
 def _wide(xp: Any, u: Any, spread: Any) -> Any:
-    """The series for ς > 1.  The Hermite polynomials are computed by recursion, each divided by
-    ς^n.
+    """The series for ς > 1. The Hermite polynomials of degree n are computed by recursion, divided
+    by ς^n.
     """
     z = xp.minimum(u / spread, 40.0)
     even, odd = 1.0 + 0.0 * z, z / spread
@@ -126,7 +126,8 @@ def blurred_shortfall(pattern: Pattern, dhat: float, spread: float) -> float:
     along_x = overlaps(pattern.columns, dhat, spread)
     along_y = overlaps(pattern.rows, dhat * pattern.row_pitch, spread)
     samples = pattern.samples
-    if len(pattern.removed) > samples:  # Subtracting most sites of a rectangle would lose digits.
+    # If most sites of a rectangle are removed, the subtraction would lose digits.
+    if len(pattern.removed) > samples:
         pairs = _pair_sum(tuple(sorted(pattern.sites())), along_y, along_x)
     else:
         pairs = _line_sum(pattern.columns, along_x) * _line_sum(pattern.rows, along_y)
@@ -164,8 +165,8 @@ def scattered_shortfall(
 
 
 def overlaps(count: int, dhat: float, spread: float) -> list[float]:
-    """Overlaps of sites of a line that are 0, 1, 2 … sites apart, up to the last overlap that is
-    not negligible.
+    """Overlaps of two sites on a line that are 0, 1, 2, … steps apart, up to the last overlap that
+    is not negligible.
 
     Parameters
     ----------
@@ -200,7 +201,8 @@ def _pair_sum(
     half = 0.0
     for index, (row, column) in enumerate(sites):
         for other_row, other_column in sites[index + 1 :]:
-            # The sites are sorted by row, so that all following sites are too far away.
+            # The sites are sorted by row. If this site is too far away to overlap, all following
+            # sites are too.
             if other_row - row >= len(along_y):
                 break
             across = abs(other_column - column)

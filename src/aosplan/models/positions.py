@@ -1,10 +1,11 @@
 """Shortfall of any set of sample positions in the uniform model.
 
-Two samples that are (Δx, Δy) apart share occluders.  The share of an occluder that both views have
+Two samples that are (Δx, Δy) apart share occluders. The share of an occluder that both views have
 in common is τ = max(0, 1 - |Δx|/Δ) max(0, 1 - |Δy|/Δ), a product of two triangles. Δ = o h/H is the
-offset at which an occluder moves by its own size.  The shortfall of N samples is the mean of τ over
+offset at which an occluder moves by its own size. The shortfall of N samples is the mean of τ over
 all N² ordered pairs, K = ΣΣ τ / N² (Kurmi et al. 2019, appendix, for any positions instead of a
-grid).  τ is 0 unless a pair is closer than Δ along both axes, and only such pairs are computed.
+grid). Only pairs of samples that are closer than Δ along both axes are computed, because τ is 0 for
+all other pairs.
 """
 
 from __future__ import annotations
@@ -32,10 +33,10 @@ PAIRS_AT_ONCE = 2_000_000
 def pattern_shortfall(pattern: AnyPattern, dhat: float, spread: float = 0.0) -> float:
     """Shortfall 1 - V̂ of a pattern whose neighbouring columns are d̂ apart.
 
-    The sum over the pairs of a rectangle is a product of sums along both axes.  For each removed
-    site, the pairs with this site are subtracted; their sum is also a product of two sums.  Pairs
-    of two removed sites are thereby subtracted twice, so that they are added once.  For a spiral,
-    the sum is over all pairs.
+    The sum over the pairs of a rectangle is a product of sums along both axes. For each removed
+    site, the pairs with this site are subtracted. Their sum is also a product of two sums. Pairs of
+    two removed sites have then been subtracted twice, so they are added once. For a spiral, the sum
+    is over all pairs.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ def pattern_shortfall(pattern: AnyPattern, dhat: float, spread: float = 0.0) -> 
         return blurred_shortfall(pattern, dhat, spread)
     samples = pattern.samples
     if not isinstance(pattern, Pattern):
-        # The tolerance is needed because d̂ may be rounded.
+        # A tolerance is needed, because d̂ may be rounded.
         if dhat * pattern.nearest > 1.0 - 1e-15:
             return 1.0 / samples
         upward = sorted((y, x) for x, y in pattern.offsets())
@@ -66,7 +67,8 @@ def pattern_shortfall(pattern: AnyPattern, dhat: float, spread: float = 0.0) -> 
     whole = line_shortfall(pattern.columns, dhat) * line_shortfall(pattern.rows, dhat_y)
     if not pattern.removed:
         return float(whole)
-    if len(pattern.removed) > samples:  # Subtracting most sites of a rectangle would lose digits.
+    # If most sites of a rectangle are removed, the subtraction would lose digits.
+    if len(pattern.removed) > samples:
         return _pair_sum(tuple(sorted(pattern.sites())), dhat_y, dhat) / samples**2
     total = whole * (pattern.rows * pattern.columns) ** 2
     lost = math.fsum(
@@ -107,7 +109,8 @@ def _shares(
     for index, (row, column) in enumerate(sites):
         for other_row, other_column in sites[index + 1 :]:
             y = 1.0 - (other_row - row) * dhat_y
-            # The sites are sorted by row, so that all following sites are too far away.
+            # The sites are sorted by row. If this site is too far away to overlap, all following
+            # sites are too.
             if y <= 0.0:
                 break
             x = 1.0 - abs(other_column - column) * dhat_x
@@ -160,8 +163,8 @@ def positions_shortfall(positions: ArrayLike, spacing: float) -> float:
     points = np.clip(points, -1e300, 1e300)
     tree = cKDTree(points)
     neighbours = tree.query_ball_point(points, 1.0, p=np.inf, return_length=True)
-    # In the order of the tree, neighbours in space are close in memory. The positions of a block
-    # are therefore close together.
+    # The positions are sorted in the order of the tree, in which neighbours in space are close to
+    # each other. The positions of a block are therefore close together.
     order = np.asarray(tree.indices)
     pending = np.cumsum(neighbours[order])
     total = 0.0

@@ -34,8 +34,8 @@ class LineIntegral(NamedTuple):
 
 
 class Continuous(NamedTuple):
-    """Integrals along a line: for several numbers of photos at the speed of the plan, and for
-    several speeds.
+    """Integrals along a line: for several numbers of photos at the speed of the plan, and for the
+    planned number of photos at several speeds.
 
     `fastest_mps` is b/τ, the highest speed at which photos are one baseline apart.  `fastest_mps`
     is None if the camera's shortest interval is not known.

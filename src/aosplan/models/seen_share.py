@@ -1,4 +1,4 @@
-"""The distribution of the seen share of a target over its places and directions.
+"""The distribution of the seen share of a target, over all places and directions of the target.
 
 The seen share s is the share of the target that a photo sees, averaged over the photos.  The mean
 of s is the transparency T.  The variance of s is the mean of Q - T² over the pairs of photos and
@@ -8,8 +8,9 @@ part of the target.
 
 - *One slice*: the atom is E[p^K], where K is the number of different occluder cells that the rays
   of the target meet.  The expectation E is over phases of the cells and directions of the target.
-- *Several slices*: the atom is the value of the beta distribution function at 1/(N n).  Here N is
-  the number of photos, and n is the number of square cells with the side `CELL_M` in the target.
+- *Several slices*: the atom is the value of the beta distribution function at 1/(N n). Here N is
+  the number of photos, and n is the area of the target divided by the area of a square cell with
+  the side `CELL_M`.
 
 The atom does not change the mean and the variance of the whole distribution.  P(s >= x) mostly
 agrees with simulated slices to within 0.02 (`benchmarks/detection.py`).
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 SHARES = (0.01, 0.1, 0.25, 0.5)
-"""Seen shares s for which the probability of a seen share of at least s is reported."""
+"""Seen shares s. For each of them, the probability that at least s is seen is reported."""
 
 UNSEEN = 0.01
 """Seen share below which almost nothing of a target is seen."""
@@ -92,14 +93,14 @@ class SeenShare(NamedTuple):
         """
         from scipy.special import betainc
 
-        # The upper limit is the variance of a share that is always 0 or 1. The lower limit is below
-        # rounding errors.
+        # The upper limit is the variance of a share that is always either 0 or 1. The lower limit
+        # is smaller than rounding errors.
         variance = min(max(variance, 1e-12), (1.0 - 1e-9) * mean * (1.0 - mean))
         alpha, beta = _shape(mean, variance)
         if atom is None:
             atom = float(betainc(alpha, beta, min(1.0 / looks, 1.0)))
-        # The atom is limited so that the distribution without the atom has a positive variance.
-        # Together they have the given mean and variance.
+        # The atom and the rest of the distribution together have the given mean and variance. The
+        # atom is limited, so that the rest has a positive variance.
         square = variance + mean * mean
         atom = min(max(atom, 0.0), max(1.0 - mean * mean / square * (1.0 + 1e-6), 0.0))
         rest_mean = mean / (1.0 - atom)
@@ -223,8 +224,8 @@ def atom(
     *,
     rigid: bool = True,
 ) -> float | None:
-    """The atom if there is one slice.  For several slices it is None, because the atom follows from
-    the beta distribution.
+    """The atom for one slice. For several slices the result is None, because the atom is then
+    computed from the beta distribution.
     """
     if len(layers) > 1:
         return None

@@ -39,8 +39,8 @@ SIGNATURES = {
     "thermal-noon": Signature(1.0, 2.0, 0.4),
     "colour": Signature(2.0, 1.0, 0.4),
 }
-"""Assumed signatures.  The values are in the middle of the ranges in `RANGES`.  For noon and
-colour, they are in the upper half.
+"""Assumed signatures. The values are in the middle of the ranges in `RANGES`. For the signatures
+``noon`` and ``colour``, they are in the upper half.
 """
 
 RANGES = {

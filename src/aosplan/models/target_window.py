@@ -1,9 +1,10 @@
 """The target on the ground, and the kernels for the statistics of a window of its size.
 
-A target is a rectangle of w x l with a random direction.  The detector takes the mean of the
-integral image over such a window and subtracts the mean of a box around it.  Second moments of both
-means are integrals of a covariance R(δ) over the offset δ of two points.  The weight w_AB is the
-covariogram of the areas A and B of the two points (Matheron's random sets; Adler 1981):
+A target is a rectangle of w x l with a random direction. The detector takes the mean of the
+integral image over such a window and subtracts the mean of a box around it. Second moments of both
+means are integrals of a covariance R(δ) over the offset δ of two points. Let A and B be the two
+areas over which means are taken. The weight w_AB is their covariogram (Matheron's random sets;
+Adler 1981):
 
     Cov(mean over A, mean over B) = ∫ w_AB(δ) R(δ) dδ,   w_AB(δ) = |A ∩ (B - δ)| / (|A| |B|).
 
@@ -55,8 +56,8 @@ class Target(NamedTuple):
 
     @property
     def box_m(self) -> float:
-        """Side of the detector's box.  It is `BOX_M`, or more for targets that are large compared
-        with this box.
+        """Side of the detector's box. It is `BOX_M`, or longer if the target is large compared with
+        `BOX_M`.
         """
         return max(BOX_M, 2.0 * self.diagonal_m)
 
@@ -69,11 +70,12 @@ class Target(NamedTuple):
     def matched(self) -> float:
         """Share of the target that the window covers, at the best direction and the best pixel.
 
-        If the window is rotated by θ relative to a long target, it misses the share |θ| l/4 / w of
-        it.  The mean of |θ| is a quarter of the angle between two directions.  If the window is
-        shifted by a along a side of length s, it misses the share a/s.  The mean of a is a quarter
-        of a pixel, but only half of this mean is used here.  According to simulations, the detector
-        regains the other half, because it uses the highest output in the neighbourhood.
+        If the window is rotated by θ relative to a long target, it misses the share |θ| l/(4 w) of
+        the target. The mean of |θ| is a quarter of the angle between two neighbouring directions.
+        If the window is shifted by a along a side of length s, it misses the share a/s. The mean of
+        a is a quarter of a pixel, but only half of this mean is used here. According to
+        simulations, the detector regains the other half, because it uses the highest output in the
+        neighbourhood.
         """
         missed = 0.25 * TURN * 0.25 * self.length_m / self.width_m
         missed += 0.125 * PIXEL_M * (1.0 / self.width_m + 1.0 / self.length_m)
@@ -81,7 +83,7 @@ class Target(NamedTuple):
 
 
 class Kernels(NamedTuple):
-    """Weights of offsets on two lattices.  The sum of the weights of each kernel is 1.
+    """Kernels: weights of offsets on two lattices. The sum of the weights of each kernel is 1.
 
     Attributes
     ----------
@@ -113,7 +115,7 @@ def kernels(target: Target, resolution_m: float) -> Kernels:
     Parameters
     ----------
     target
-        The target, whose size is that of the window.
+        The target, which has the same size as the window.
     resolution_m
         Length over which covariances change: the size of the occluders, projected on the ground.
         The fine lattice has the smallest steps at its centre, because the covariance is largest
@@ -143,8 +145,8 @@ def kernels(target: Target, resolution_m: float) -> Kernels:
             window[2] += 0.5 * length * _triangle(across + 2.0 * sign * step, target.width_m)
     window *= np.outer(widths, widths)
     window[:3] /= window[:3].sum(axis=(1, 2), keepdims=True)
-    # There is no short formula for rotated windows. Points of both windows are paired instead, with
-    # and without the rotation.
+    # For rotated windows, there is no short formula. The effect of the rotation is computed from
+    # pairs of points of both windows: the weights with the rotation minus the weights without it.
     turned = _paired(target, fine, 0.5 * TURN) - _paired(target, fine, 0.0)
     window[3] = window[0] + turned
     boxes = _boxes(target, coarse) * np.outer(coarse_widths, coarse_widths)
@@ -153,8 +155,8 @@ def kernels(target: Target, resolution_m: float) -> Kernels:
 
 
 def _sinh_axis(reach: float, closest: float, widest: float) -> tuple[Floats, Floats]:
-    """Nodes s sinh(c k) up to a reach, and their widths.  The widths increase from `closest` to
-    `widest`.
+    """Nodes s sinh(c k) up to a reach, and the widths of the intervals around them. The widths
+    increase from `closest` to `widest`.
     """
     ratio = max(widest / closest, 1.2)
     scale = reach / math.sqrt(ratio * ratio - 1.0)

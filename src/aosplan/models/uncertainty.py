@@ -1,32 +1,43 @@
-"""Standard errors of a prediction, with the contributions that they include and omit.
+"""Standard errors of a prediction, and the contributions that they include and omit.
 
 A plot is one sample of a forest, and it has few trees.  The standard errors describe the difference
 from the mean prediction of such plots.  They also include the errors of the opacity and of the
 plot's edges.  `Uncertainty.parts` has each contribution; `OMITTED` lists what is never included.
 
-**The plot, telecentric.**  p̄, V and V̂ are smooth functions of means over targets. To first order, each of them is the mean over targets of an *influence* z(t). Let s² be the variance of z within the plot, and A the integral of the correlation of z (the *integral range*). The plot then corresponds to n = plot area/A independent targets, and the variance of the mean is s²/n (Matheron). Because z is measured relative to the mean of the plot itself, the covariance at every lag is too small by the variance of this mean. This variance is therefore added again.
+**The plot, telecentric.** p̄, V and V̂ are smooth functions of means over targets. To first order,
+each of them is the mean over targets of an *influence* z(t). Let s² be the variance of z within the
+plot, and A the integral of the correlation of z (the *integral range*). The plot then corresponds
+to n = plot area/A independent targets, and the variance of the mean is s²/n (Matheron). The values
+of z are relative to the mean of this plot, not of all plots. The covariance at every lag is
+therefore too small by the variance of the mean of the plot. This variance is added to it.
 
-**The plot, in perspective.**  The rays from all targets to one camera converge, so that an aperture
-sees only part of the canopy.  At another place, the same aperture would see another part.  The
-variance is therefore the sum of two terms, for apertures at four places of the plot.  The first is
-the variance of the mean over these apertures, computed as above.  The second is the variance between
-these apertures.  Plots also differ in their number of trees.  Within one plot this difference is not
-visible.  It changes p̄ and V, and hardly V̂, which is relative to p̄.  The standard errors of p̄ and V
-are therefore multiplied by `PERSPECTIVE`.
+**The plot, in perspective.** The rays from all targets to one camera converge, so the rays of an
+aperture cross only a part of the canopy. At another place, the same aperture would see through
+another part. Apertures at four places of the plot are therefore computed. The variance is the sum
+of two terms: the variance of the mean over these apertures, computed as above, and the variance
+between the apertures. Plots also differ in their number of trees. Data from one plot cannot show
+this difference. It changes p̄ and V. It hardly changes V̂, which is relative to p̄. The standard
+errors of p̄ and V are therefore multiplied by `PERSPECTIVE`.
 
-Differences between halves and quarters of two real plots and of generated stands are within one
-standard error in about 70 % of the cases, and within two in about 95 %
-(`benchmarks/uncertainty.py`).
+The standard errors were compared with the differences between halves and between quarters of plots,
+for two real plots and for generated stands. About 70 % of the differences are within one standard
+error, and about 95 % are within two (`benchmarks/uncertainty.py`).
 
-**Opacity.**  The share of light that a cell blocks also has an error. If the opacity is computed from pulses, the energy of each return is not known. There are two bounds: the first return of a pulse has all the energy, or the last return has all of it. The true prediction can be anywhere between the predictions for these bounds. The standard error is therefore their difference divided by √12. If each voxel with a point is treated as opaque, the result depends on the size of the voxels. The standard error is then half of the difference to the prediction with voxels of twice the size, because a user may choose sizes within about one octave.
+**Opacity.** The share of light that a cell blocks also has an error. If the opacity is computed
+from pulses, the energy of each return is not known. There are two bounds: the first return of a
+pulse has all the energy, or the last return has all of it. The true prediction can be anywhere
+between the predictions for these bounds. The standard error is therefore their difference divided
+by √12. If each voxel with a point is treated as opaque, the result depends on the size of the
+voxels. A user may choose sizes within about one octave. The standard error is therefore half of the
+difference from the prediction with voxels of twice the size.
 
-**Clumps.**  Pulses do not resolve clumps that are smaller than the distance between pulses.  For
-generated stands with known leaves, V and V̂ are therefore too high by the values in `CLUMPS`
-(`benchmarks/opacity.py`).  These biases are treated as standard errors.
+**Clumps.** Pulses do not resolve clumps that are smaller than the distance between pulses. V and V̂
+are therefore too high. For generated stands with known leaves, the differences are the values in
+`CLUMPS` (`benchmarks/opacity.py`). These biases are treated as standard errors.
 
-**Models with statistics** of a point cloud: a model is made from each quarter of the plot.  The
-standard deviation of the four predictions for the same sites is twice the standard error of their
-mean.
+**Models with statistics** of a point cloud: a model is made from each quarter of the plot, and the
+same sites are predicted with each model. The standard deviation of the four predictions is twice
+the standard error of their mean.
 """
 
 from __future__ import annotations
@@ -51,18 +62,18 @@ distance of the bounds.
 """
 
 OCTAVE = 0.5
-"""Standard error because of the size of voxels, divided by the difference to the prediction with
-voxels of twice the size.
+"""Standard error that is caused by the size of voxels, divided by the difference from the
+prediction with voxels of twice the size.
 """
 
 PERSPECTIVE = 1.2
-"""Factor by which the standard errors of p̄ and V in perspective are multiplied, fitted to halves and
-quarters of real plots.
+"""Factor by which the standard errors of p̄ and V in perspective are multiplied. It is fitted to
+differences between halves and quarters of real plots.
 """
 
 CLUMPS = ((400.0, (0.003, 0.007, 0.032)), (math.inf, (0.003, 0.003, 0.017)))
-"""Density of pulses per square metre, and the errors of p, V and V̂ because of unresolved clumps at
-lower densities.
+"""Numbers of pulses per square metre, each with the errors of p, V and V̂ that unresolved clumps
+cause at lower numbers of pulses.
 """
 
 SMALLEST_QUARTER = 8
@@ -112,7 +123,8 @@ class Uncertainty(NamedTuple):
 
 
 def of_targets(hidden: Floats, cell: int = 1) -> Uncertainty:
-    """Standard errors from the share of the views that do not see each target of a periodic plot.
+    """Standard errors from the share of the views in which each target of a periodic plot is
+    hidden.
 
     Parameters
     ----------
@@ -131,7 +143,7 @@ def of_apertures(hidden: Sequence[Floats], cell: int = 1) -> Uncertainty:
     Parameters
     ----------
     hidden
-        For each aperture, an array of shares as in `of_targets`.  A target has the same index in
+        One array of shares for each aperture, as in `of_targets`. A target has the same index in
         all arrays.
     cell
         As in `of_targets`.
@@ -187,7 +199,8 @@ def _of_fields(hidden: Floats, squares: Floats, cell: int) -> tuple[float, float
 def with_doubt(
     errors: Uncertainty, one: Prediction, other: Prediction, share: float, source: str
 ) -> Uncertainty:
-    """Add the difference of two predictions to standard errors, as an independent error.
+    """Add an independent error to standard errors. It is computed from the difference of two
+    predictions.
 
     Parameters
     ----------
@@ -231,8 +244,8 @@ def with_part(errors: Uncertainty, part: ErrorPart) -> Uncertainty:
 
 
 def of_clumps(pulses_per_m2: float) -> ErrorPart:
-    """The part of the standard errors because of clumps that pulses of a given density do not
-    resolve.
+    """The part of the standard errors that is caused by clumps that a given number of pulses per
+    square metre does not resolve.
     """
     errors = next(errors for most, errors in CLUMPS if pulses_per_m2 < most)
     return ErrorPart("clumps", *errors)
@@ -248,8 +261,8 @@ def _standard_error(influence: Floats, cell: int) -> float:
     if variance <= 1e-30:
         return 0.0
     area, lags = correlation_range(cells)
-    # Subtracting the mean of the plot, which has the variance v, reduces each covariance by v. The
-    # equation for v is v = s² A + lags v.
+    # The mean of the plot has the variance v. Its subtraction has reduced each covariance by v. The
+    # equation for v is therefore v = s² A + lags v.
     share = min(lags / cells.size, 0.9)
     return math.sqrt(variance * area / cells.size / (1.0 - share))
 

@@ -1,12 +1,12 @@
 """The uniform model: one volume with occluders of one kind (Kurmi, Schedl and Bimber, 2019).
 
 The paper uses d̂ at a single height: the height of the occluder that determines the coverage rule.
-At the baseline of this rule, neighbouring samples are independent, and V̂ = 1 - 1/N.  At smaller
-baselines, the occluders at most heights still have d̂ close to 1.  A single d̂ would predict a V̂
-that is much too small.  For example, 49 samples that are 1 m apart at 50 m have V̂ = 0.957 in
-simulated volumes of the default scene, but 0.816 with the d̂ of the rule.  Below the baseline of
-the rule, the volume is therefore treated as slices that are one occluder thick
-(`aosplan.models.layered`).  In this example they predict 0.965.
+At the baseline of this rule, neighbouring samples are independent, and V̂ = 1 - 1/N. At smaller
+baselines, the occluders at most other heights still have d̂ close to 1. A prediction with the
+single d̂ of that height would be much too small. For example, 49 samples that are 1 m apart at 50 m
+have V̂ = 0.957 in simulated volumes of the default scene, but V̂ = 0.816 is predicted with the d̂
+of the rule. Below the baseline of the rule, the volume is therefore treated as slices that are one
+occluder thick (`aosplan.models.layered`). In this example, the prediction with slices is 0.965.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class UniformModel(NamedTuple):
       (`aosplan.models.position_noise`).
     - `rays`: the kind of rays (`aosplan.models.oblique_rays`).  All kinds except ``nadir`` need
       `altitude_m`.
-    - `slices`: function that returns the volume as a layered model.  None: a single d̂ is used at
-      every baseline.
+    - `slices`: function that returns the volume as a layered model. If it is None, a single d̂ is
+      used at every baseline.
     """
 
     density: float
@@ -65,7 +65,7 @@ class UniformModel(NamedTuple):
 
     @property
     def independent_baseline_m(self) -> float:
-        """Smallest baseline at which K = 1/N.  With position noise, this holds within rounding
+        """Smallest baseline at which K = 1/N. With position noise, K = 1/N is true within rounding
         errors.
         """
         if self.hold_error_m == 0.0:
@@ -86,24 +86,25 @@ class UniformModel(NamedTuple):
 
     @property
     def rises_with_baseline(self) -> bool:
-        """Whether rays are nadir rays.  Slanted rays meet more occluders if the aperture is wider.
+        """Whether V̂ never decreases if the baseline increases. This is true only for nadir rays,
+        because slanted rays meet more occluders if the aperture is wider.
 
-        With nadir rays, V̂ never decreases if the baseline increases, even with position noise.
-        The reason is a theorem of Wintner: if a symmetric function decreases on both sides, its
-        convolution with a Gaussian does so too.  The expected overlap of a pair of samples
-        therefore decreases with their distance.
+        With nadir rays, it is true even with position noise. The reason is a theorem of Wintner: if
+        a symmetric function decreases on both sides, its convolution with a Gaussian also decreases
+        on both sides. The expected overlap of a pair of samples therefore decreases with their
+        distance.
         """
         return self.rays == "nadir"
 
     @property
     def rule_baseline_m(self) -> float | None:
-        """The optimal baseline of the paper.  A larger baseline is useful only against position
+        """The optimal baseline of the paper. A larger baseline is useful only if there is position
         noise.
         """
         return self.unit_baseline_m
 
     def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
-        """Density and shortfall of a pattern flown at a baseline."""
+        """Density and shortfall of a pattern that is flown with a baseline."""
         if self.slices is not None and self.counts_slices(pattern, baseline_m):
             return self._with_own_digits(self.slices().predict(pattern, baseline_m))
         if self.rays != "nadir":
@@ -111,9 +112,9 @@ class UniformModel(NamedTuple):
         dhat = baseline_m / self.unit_baseline_m
         shortfall = pattern_shortfall(pattern, dhat, self._spread)
         if self.slices is not None and self.hold_error_m > 0.0 and pattern.samples > 1:
-            # Position noise reduces V̂ more with one d̂ for all heights than with slices. The
-            # smaller shortfall is used. Otherwise, V̂ would drop at the baseline at which the model
-            # changes from slices to one d̂.
+            # With position noise, one d̂ for all heights gives a smaller V̂ than slices. If only
+            # one of the two models were used on each side of the baseline of the rule, V̂ would
+            # drop there. The smaller shortfall of both models is therefore used.
             shortfall = min(shortfall, self.slices().predict(pattern, baseline_m).shortfall)
         return Prediction(self.density, self.transparency, shortfall)
 
@@ -125,7 +126,9 @@ class UniformModel(NamedTuple):
         return self.slices is not None and pattern.samples > 1 and below
 
     def _with_own_digits(self, prediction: Prediction) -> Prediction:
-        """A prediction from the slices, with the density of the volume as it was given."""
+        """A prediction from the slices, in which the density is replaced by the given density of
+        the volume.
+        """
         if self.rays != "nadir":
             return prediction
         return Prediction(self.density, self.transparency, prediction.shortfall)
@@ -136,7 +139,7 @@ class UniformModel(NamedTuple):
 
         points = np.asarray(positions_m, dtype=np.float64)
         shortfall = positions_shortfall(points, self.unit_baseline_m)
-        # no two samples are closer than the baseline of the coverage rule
+        # In this case, no two samples are closer than the baseline of the coverage rule.
         apart = shortfall * len(points) <= 1.0 + 1e-9
         if self.slices is not None and not apart:
             return self._with_own_digits(self.slices().predict_positions(points))
@@ -145,8 +148,8 @@ class UniformModel(NamedTuple):
         return Prediction(self.density, self.transparency, shortfall)
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
-        """p of samples at known positions, shape (N,).  It differs between samples, because slanted
-        rays meet more occluders.
+        """p of samples at known positions, shape (N,). Its values differ, because rays that are
+        slanted more meet more occluders.
         """
         from aosplan.models.oblique_rays import hidden_shares
 
@@ -154,7 +157,9 @@ class UniformModel(NamedTuple):
         return hidden_shares(positions_m, self.altitude_m, self.rays, log_t)
 
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Overlap of the occluders of two nadir samples: a triangle along each axis."""
+        """Overlap of the occluders of two nadir samples: the product of a triangle along
+        each axis.
+        """
         if self.slices is not None:
             return self.slices().correlation(x_m, y_m)
         import numpy as np

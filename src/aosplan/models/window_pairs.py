@@ -8,14 +8,14 @@ altitude h.  In slice j, at the height H_j, the offset of the two rays is
 The rays share an occluder of size o_j with probability τ_j, which is the product of the triangles
 of this offset along both axes.  With q_j = 1 - D_j, as in `aosplan.models.layered`:
 
-- both are clear with probability Q(δ, Δ) = Π_j (q_j² + D_j q_j τ_j);
+- both rays are free with probability Q(δ, Δ) = Π_j (q_j² + D_j q_j τ_j);
 - the first occluder of both rays is the same one with probability C(δ, Δ) = Σ_j [Π_above (q² + D q
   τ)] D_j τ_j;
 - the covariance of the ground texture that both rays see is G = Q ρ_g(δ).
 
 `WindowPairs` integrates Q - T², C and G over δ with each kernel of `aosplan.models.target_window`.
-The integrals depend only on Δ.  The moments of any pattern are therefore sums over its pairs.  For
-searches, `WindowPairs.tabulate` makes a table over Δ.
+The integrals depend only on Δ. The moments of any pattern are therefore sums of the integrals over
+its pairs of photos. For searches, `WindowPairs.tabulate` makes a table over Δ.
 
 The logarithms of the factors are approximated by polynomials of τ, and τ is a product of a function
 of x and a function of y.  Sums over slices are therefore matrix products.  For C, slices are
@@ -42,12 +42,12 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 BLOCKS = 8
-"""Approximate number of blocks of slices.  The share of the rays that remain is updated after each
-block.
+"""Approximate number of blocks of slices. The share of the rays that have not yet been blocked is
+updated after each block.
 """
 
 MOST_SLICES = 160
-"""Largest number of slices.  If there are more, neighbouring slices are merged."""
+"""Largest number of slices. If there are more slices, neighbours are merged."""
 
 SERIES = 6
 """Largest number of terms of the series for the logarithm."""
@@ -77,8 +77,8 @@ class _Block(NamedTuple):
 class Pairs(NamedTuple):
     """Integrals for camera offsets, shape (..., 3, kernels), with rows for Q - T², C and G.
 
-    `window` has the integrals with the four window kernels, and `box` those with the two box
-    kernels.
+    `window` has the integrals with the four window kernels. `box` has the integrals with the two
+    box kernels.
     """
 
     window: Floats
@@ -97,8 +97,8 @@ class WindowPairs:
     target
         Size of the target.
     rigid
-        Whether the rays from all points of the target meet in the camera (factor 1 - H/h), as in
-        reality.  Otherwise these rays are parallel, as in the telecentric views of
+        Whether the rays from all points of the target converge at the camera (factor 1 - H/h), as
+        in reality. Otherwise these rays are parallel, as in the telecentric views of
         `aosplan.scenes.occlusion`.
     """
 
@@ -146,7 +146,7 @@ class WindowPairs:
         if self._table is not None:
             return
         nodes = self._nodes().tolist()
-        # The integrals are means over directions, so that x and y can be exchanged.
+        # The integrals are means over directions, so x and y can be exchanged.
         found = [[self._integrals(max(x, y), min(x, y)) for x in nodes] for y in nodes]
         window = np.array([[each[0] for each in row] for row in found])
         box = np.array([[each[1] for each in row] for row in found])
@@ -154,7 +154,7 @@ class WindowPairs:
 
     @property
     def far(self) -> Pairs:
-        """Integrals for cameras that are so far apart that their rays share no occluders."""
+        """Integrals for cameras that are so far apart that their rays do not share occluders."""
         return Pairs(*self._integrals(FAR_M, FAR_M))
 
     @property
@@ -221,7 +221,9 @@ class WindowPairs:
             passed = _log_pair(block, along_x, along_y)
             count = len(block.density)
             first = np.exp(log_clear) * shared
-            if count > 1:  # Each slice of a block is seen through the equal slices above it.
+            # Each slice of a block is seen through the slices of the block above it, which are
+            # treated as equal to it.
+            if count > 1:
                 one = np.minimum(passed / count, -1e-12)
                 first *= np.expm1(count * one) / (count * np.expm1(one))
             same += first
@@ -280,9 +282,7 @@ def _gaussian(offset: Floats, length: float) -> Floats:
 
 
 def merged(layers: Sequence[Layer], most: int) -> tuple[Layer, ...]:
-    """The slices that are not empty.  If there are more than `most`, neighbouring slices are
-    merged.
-    """
+    """The slices that are not empty. If they are more than `most`, neighbours are merged."""
     from aosplan.scenes.scene import Layer
 
     filled = [layer for layer in layers if layer.density > 0.0]

@@ -20,20 +20,21 @@ if TYPE_CHECKING:
     from aosplan.flight.drones import DronePreset
 
 WIRED = ("aos-", "flir-", "gopro-", "sony-")
-"""First letters of the presets of cameras that autopilots trigger by their own outputs."""
+"""First letters of the names of camera presets that autopilots trigger by their own outputs."""
 
 
 def with_drone_file(values: Mapping[str, Any], folder: str) -> dict[str, Any]:
     """The options with the full path of a drone file.  The file is looked for in `folder` first.
 
-    This is needed because a request reads its drone before it knows the folder of its other files.
+    The path is needed because a request reads its drone before it knows the folder of its other
+    files.
     """
     drone = values.get("drone")
     return {**values, "drone": located(drone, folder)} if isinstance(drone, str) else {**values}
 
 
 def decided_by_aircraft(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of options that are not given, from the drone, its payload and its autopilot.
+    """Values from the drone, its payload and its autopilot, for options that are not given.
 
     Raises
     ------
@@ -46,8 +47,8 @@ def decided_by_aircraft(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _brought_by_drone(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of options that are not given, from the drone and its payload: camera, speeds and
-    limits.
+    """Values from the drone and its payload (camera, speeds and limits), for options that are not
+    given.
     """
     drone = _drone_of(values)
     payload = values["payload"]
@@ -129,7 +130,8 @@ def camera_of_payload(payload: str) -> str | None:
     """
     from aosplan.camera.presets import CAMERAS
 
-    # A payload without a thermal camera has the same wide camera as the variant with one.
+    # A payload without a thermal camera has the same wide camera as the variant with a thermal
+    # camera.
     named = (f"{payload}-thermal", f"{payload}-wide", f"{payload}t-wide")
     return next((name for name in named if name in CAMERAS), None)
 

@@ -24,8 +24,8 @@ CHEAPER = 0.7
 """Largest time of a cheaper flight, as a share of the time of the plan."""
 
 TRIES = 4
-"""Number of flights that are planned completely in each round of the search.  A no-fly zone may
-make all of them impossible.
+"""Number of flights that are planned completely in each round of the search. No-fly zones may make
+all of these flights impossible.
 """
 
 LONGEST_MIN = 24.0 * 60.0
@@ -50,7 +50,7 @@ def cheaper_way(
     Returns
     -------
     str or None
-        None if no flight takes less than `CHEAPER` of the time.
+        The text; None if no flight takes less than `CHEAPER` of the time.
     """
     if not request.over_area or loaded.kind == "cloud":
         return None
@@ -97,8 +97,8 @@ def long_flight(
 
 
 def _below(value: float | str | None) -> str:
-    """A length or a pitch as text.  It is rounded down, because a wider grid may not fit into the
-    images.
+    """A length or a pitch as text. It is rounded down, because a wider grid may be larger than the
+    footprint of the images.
     """
     assert isinstance(value, float)
     return f"{math.floor(1000.0 * value) / 1000.0:g}"

@@ -23,8 +23,8 @@ margin.
 
 
 def asked_crop(text: str, folder: str) -> Crop | None:
-    """The crop that ``--crop`` gives: four bounds, or the bounds of an outline in a file.  For
-    ``all`` it is None.
+    """The crop that ``--crop`` gives: four bounds, or the bounds of an outline in a file. For
+    ``all``, the result is None.
 
     Raises
     ------
@@ -58,10 +58,10 @@ def asked_crop(text: str, folder: str) -> Crop | None:
 def crop_of_plan(
     request: PlanRequest, area: Area | None, footprint_m: tuple[float, float]
 ) -> Crop | None:
-    """The surroundings of a plan; None if the plan has no location.
+    """The ground around a plan; None if the plan has no location.
 
-    They are the area, or the ground that a photo from the middle and a line show, plus a margin of
-    `RAYS_M`.
+    It is the area, or else the ground that photos from the middle and along a line show, plus a
+    margin of `RAYS_M`.
     """
     from aosplan.scenes.files.crop import Crop
 
@@ -78,6 +78,6 @@ def crop_of_plan(
     # The bounds have seven decimals of a degree, which is about a centimetre.
     bounds = (min(longitudes), min(latitudes), max(longitudes), max(latitudes))
     west, south, east, north = (round(bound, 7) for bound in bounds)
-    if east - west > 180.0:  # the bounds cross the antimeridian
+    if east - west > 180.0:  # The bounds cross the antimeridian.
         return None
     return Crop((west, south, east, north), "degrees", RAYS_M, of_plan=True)

@@ -1,5 +1,5 @@
-"""The confidence in a prediction: its standard errors, computed from differences between parts of a
-plot.
+"""The confidence in a prediction: standard errors, which are computed from differences between
+parts of a plot.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Confidence(NamedTuple):
     uncertainty
         Standard errors of the prediction; None if they are not known.
     uncertainty_reason
-        Reason why they are not known; empty if they are known.
+        Reason why the standard errors are not known; empty if they are known.
     noise
         The expectation of the measured model over position noise, or None.
     sensitivity
@@ -134,7 +134,7 @@ def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:
     try:
         for quarter in quarters(loaded.volume):
             part = layered_scene(quarter, loaded.scene.name)
-            # The occluders of the scene may differ from its voxels.
+            # The given size of the occluders may differ from the size of the voxels.
             if isinstance(loaded.scene, LayeredScene):
                 part = replace(part, voxel_m=loaded.scene.voxel_m)
             posed = problem_of(

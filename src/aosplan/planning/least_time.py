@@ -1,4 +1,4 @@
-"""The shortest time of a flight in closed form, as a bound for searches.
+"""A lower bound of the time of a flight, in closed form, for searches.
 
 Without no-fly zones and terrain, no flight over an area takes less time than `least_time_s`.  For a
 grid at one place, the result is the time of the flight itself.
@@ -82,7 +82,8 @@ def least_time_s(
         return whole_s
     if battery_s <= ways_s:
         return math.inf
-    # Each additional flight saves one path between lines and adds one path to the sites and back.
+    # Each additional flight replaces one path between lines by one path back and one path to the
+    # sites.
     flights = max(math.ceil((work_s + turn_s) / (battery_s - ways_s + turn_s) - 1e-9), 2)
     return work_s - (flights - 1) * turn_s + flights * ways_s
 

@@ -45,13 +45,13 @@ class LoadedScene:
     warnings
         Messages of the reader.
     volume
-        Its voxels, if it has any.
+        The voxels of the scene, if it has voxels.
     correlogram
-        Its correlogram, if the source has one.
+        The correlogram of the scene, if the source contains it.
     reading
-        The options with which it was read, including defaults.
+        The options with which the scene was read, including defaults.
     from_cache
-        Whether its voxels come from the cache, because the same files have been read before.
+        Whether the voxels come from the cache, because the same files have been read before.
     """
 
     scene: Scene
@@ -85,8 +85,8 @@ def load_scene(
     also
         More point clouds of the same stand.
     surroundings
-        Function that returns the part of a point cloud that the plan needs.  It is called if the
-        request does not give a part.
+        Function that returns the part of a point cloud that the plan needs. It is called if the
+        request itself does not give such a part.
     """
     if request.scene is None:
         return _of_numbers(request)
@@ -179,8 +179,8 @@ def without_simulated_view(request: PlanRequest) -> PlanRequest:
 
 
 def cloud_files(name: str) -> tuple[str, ...]:
-    """Sorted files of the point cloud with a given name; empty if the name is not that of a point
-    cloud.
+    """Sorted files of the point cloud with a given name; empty if the name does not belong to a
+    point cloud.
 
     A name is a file, a folder of tiles, or a pattern such as ``tiles/*.laz``.
 

@@ -20,15 +20,15 @@ warning.
 """
 
 SATURATED = 0.98
-"""Mean share of the ground that a view does not see.  Above this share, a prediction depends on few
-gaps.
+"""If the mean share of the ground that a view does not see is above this, the prediction depends on
+a few gaps.
 """
 
 
 def measured_warnings(solved: SolvedPlan, *, compares_headings: bool) -> Iterator[Message]:
     """Yield warnings about the limits of a prediction by the measured model.
 
-    `compares_headings` tells whether the best heading was searched for.
+    `compares_headings` is true if the best heading was searched for.
     """
     inputs, problem, solution = solved.inputs, solved.problem, solved.solution
     if problem is None:

@@ -44,7 +44,9 @@ CAMERA_CONTROLS = ("mavlink", "outputs")
 
 
 LARGEST = 1e9
-"""Largest value of a quantity in a request.  The smallest value, except zero, is its inverse."""
+"""Largest value of a quantity in a request. The smallest value other than zero is the inverse of
+this.
+"""
 
 
 def bounded(parse: Callable[..., float], value: Any, name: str, **unit: str) -> float:
@@ -78,7 +80,9 @@ def field_of_view(value: Any, name: str) -> float:
 
 
 def target_share(value: Any, name: str) -> float | str:
-    """A target below 1.  It is returned as text if conversion to a float would change its value."""
+    """A share below 1, as a target. If the conversion to a float would change its value, it is
+    returned as text.
+    """
     exact = q.exact_share(value, name)
     if not 0 <= exact < 1:
         hint = (
@@ -139,7 +143,7 @@ def length_unit(value: Any, name: str) -> str:
 
 
 def length_units(value: Any, name: str) -> str:
-    """Check the option ``--units``: one unit for all axes, or one unit for x and y and another one
+    """Check the option ``--units``: one unit for all axes, or one unit for x and y and another unit
     for z.
 
     The two units are separated by a comma.
@@ -166,7 +170,7 @@ def file_waypoints(value: Any, what: str) -> int:
 
 
 PERSON = "person"
-"""Name of a target whose size is known to `target_m`."""
+"""Name of the target whose size `target_m` knows."""
 
 SMALLEST_TARGET_M, LARGEST_TARGET_M = 0.1, 10.0
 """Limits of the sides of a target."""

@@ -58,15 +58,15 @@ ALTERNATIVES = (
         ("fov", "image_width", "image_height"),
     ),
 )
-"""Alternatives.  Two options in different alternatives of a row contradict each other."""
+"""Sets of options. Options from different sets of the same row contradict each other."""
 
 
 OPEN = "best"
-"""Value with which an option is left to a search."""
+"""Value of an option that a search chooses."""
 
 
 class Need(NamedTuple):
-    """Options that need one of several partners, or a certain value of the partner.
+    """Options that can only be given together with another option, their partner.
 
     Attributes
     ----------
@@ -79,10 +79,10 @@ class Need(NamedTuple):
     hint
         The remedy.
     value
-        Value that the partner must have; None: any value.
+        Value that the partner must have; None if any value is allowed.
     waits
-        Whether a user's own default is ignored if its partner is missing.  If it is false, such a
-        default is refused.
+        Whether a default from the user's own file is ignored if its partner is missing. If it is
+        false, such a default is refused.
     """
 
     options: tuple[str, ...]
@@ -153,7 +153,7 @@ NEEDS = (
 
 
 class Description(NamedTuple):
-    """A group of options that together describe one thing.
+    """A group of options that describe one thing together.
 
     Attributes
     ----------
@@ -217,7 +217,7 @@ LANE_OPTIONS = {"lanes": OF_LANES, "spiral": ("lane_pitch",), "best": OF_LANES}
 """The options of lanes that each kind of grid accepts."""
 
 AIRCRAFT = ("drone", "payload", "autopilot", "camera_control")
-"""Options that name the aircraft.  It determines other options only if one of these is given."""
+"""Options that name the aircraft, which determines other options if one of these is given."""
 
 BROUGHT_BY_DRONE = (
     "speed",
@@ -384,7 +384,7 @@ def without_overridden(lower: dict[str, Any], upper: Mapping[str, Any]) -> dict[
 
 
 def with_partners(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
-    """The options of a layer without those whose partners are neither in the layer nor in the
+    """The options of a layer, without the options whose partner is neither in the layer nor in the
     request.
     """
     together = {**own, **asked}
@@ -394,7 +394,7 @@ def with_partners(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, An
     if together.get("grid") != "lanes":
         unpaired |= set(OF_LANES)
     left = {name: value for name, value in own.items() if name not in unpaired}
-    # An option that is removed may have been the partner of another one.
+    # An option that is removed may have been the partner of another option.
     return left if len(left) == len(own) else with_partners(left, asked)
 
 
@@ -412,14 +412,14 @@ def is_search(values: Mapping[str, Any]) -> bool:
 def _searches_area(values: Mapping[str, Any]) -> bool:
     """Whether the request asks for the kind of grid that is flown fastest over an area.
 
-    This needs a search.  The solver compares the flight times of single grids, but over an area the
-    time depends on the spacing of the lines.
+    Such a request needs a search. The solver compares the flight times of single grids, but the
+    time over an area depends on the spacing of the lines.
     """
     return values["optimize"] == "time" and values["area"] is not None and values["grid"] == OPEN
 
 
 def default_target(values: Mapping[str, Any]) -> float:
-    """Default of the target V̂.  It is 0 if a search or guided positions maximise their objective."""
+    """Default of the target V̂. It is 0 if a search or guided positions maximise an objective."""
     searched = is_search(values) or is_guided(values)
     return 0.0 if searched and values["optimize"] in BEST else DEFAULTS["vhat"]
 
@@ -495,5 +495,5 @@ def check_search(values: Mapping[str, Any]) -> None:
 
 
 def _foreign(alternatives: Collection[tuple[str, ...]], names: tuple[str, ...]) -> set[str]:
-    """Options of the other alternatives that do not also belong to this alternative."""
+    """Options that belong to the other alternatives, but not to this one."""
     return {name for others in alternatives for name in others} - set(names)

@@ -81,8 +81,8 @@ FIND_OPTIONS = (
 class Option(NamedTuple):
     """One option: its field, its parser, and its description in the help.
 
-    `flag` is the name of the option on the command line.  `kind` is the type of the value in a
-    file: a number, a share, text, a whole number, a pair of numbers, or true and false for a flag.
+    `flag` is the name of the option on the command line. `kind` is the type of the value in a file:
+    a number, a share, text, a whole number, a pair of numbers, or a Boolean value for a flag.
     """
 
     name: str

@@ -40,7 +40,7 @@ class PlanData:
     inputs
         The resolved request, with the heading of the plan.
     solution
-        Pattern, baseline and prediction, with the limits that determined them.
+        Pattern, baseline and prediction, and the limits that determined them.
     grid
         Kind of grid: the requested kind, or the best one.
     problem
@@ -123,9 +123,9 @@ class PlanData:
     def reading(self) -> str | None:
         """How the uniform model treats the volume; None for other models.
 
-        ``rule``: with a single d̂, at the height that determines the coverage rule.  This is used
-        if the baseline is at least that of the rule.  ``slices``: as slices that are one occluder
-        thick, for smaller baselines.
+        ``rule``: with a single d̂, at the height that determines the coverage rule. This is used
+        for baselines of at least the baseline of the rule. ``slices``: as slices that are one
+        occluder thick. This is used for smaller baselines.
         """
         if self.model != "uniform" or self.problem is None:
             return None
@@ -136,21 +136,21 @@ class PlanData:
 
     @property
     def edges(self) -> str | None:
-        """Targets that are counted: ``interior`` (those whose rays stay on the plot) or ``wrapped``
-        (all targets).
+        """Targets that are counted: ``interior`` (targets whose rays stay on the plot) or
+        ``wrapped`` (all targets).
         """
         if self.model != "measured":
             return None
         model = self.problem and self.problem.model
         of_grid = getattr(model, "edges_of", None)
-        if of_grid is None:  # nothing is hidden, or the model is a correlogram
+        if of_grid is None:  # Nothing is hidden, or the model is a correlogram.
             return str(getattr(model, "edges", "wrapped"))
         edges: str = of_grid(self.solution.pattern, self.solution.baseline_m)
         return edges
 
     @property
     def requirement(self) -> Requirement:
-        """The target."""
+        """The target visibility."""
         return self.inputs.requirement
 
     @property
@@ -230,7 +230,7 @@ class PlanData:
 
     @property
     def settings(self) -> FlightSettings:
-        """Settings with which the waypoints are flown."""
+        """Settings of the flight through the waypoints."""
         flight, timing = self.inputs.flight, self.route.timing
         drone = flight.drone
         latitude, longitude = self.route.takeoff or (None, None)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 CLEAR = (Layer(1.0, 1.1, 1e-6, 0.2),)
-"""Used instead of a scene without occluders.  It hides one millionth of the ground."""
+"""A slice that is used for scenes without occluders. It hides one millionth of the ground."""
 
 FEWEST_PHOTOS = 9
 """Smallest number of photos for which predictions are within 0.05 of simulations at the same
@@ -78,14 +78,14 @@ def _model(
     false_alarms: float,
     assumed: str,
 ) -> DetectionModel:
-    """The model.  It is cached, so that the integrals that it has computed are used again."""
+    """The model. It is cached, because its integrals can be used again."""
     return DetectionModel(
         layers, altitude_m, target, signature, false_alarms=false_alarms, assumed=assumed
     )
 
 
 def detection_of(inputs: PlanInputs, pattern: AnyPattern, baseline_m: float) -> Detection:
-    """The detection of a plan's target with one grid, at the heading of the inputs.
+    """Predict the detection of a plan's target with one grid, at the heading of the inputs.
 
     The measured model counts hidden targets in the voxels.  The other models use slices.
 
@@ -140,8 +140,8 @@ def detection_at(inputs: PlanInputs, points_m: Floats) -> Detection:
 
 
 def _counted(inputs: PlanInputs, sites_m: Floats) -> Detection:
-    """Detection, counted in the voxels of a stand.  Sites are in metres east and north of the
-    middle.
+    """Count the detection in the voxels of a stand. Sites are in metres east and north of the
+    middle of the grid.
     """
     find, volume = find_of(inputs), inputs.loaded.volume
     if volume is None:
@@ -220,8 +220,8 @@ def detection_text(plan: PlanData) -> str:
 
 
 def _count(share: float, about: str = "") -> str:
-    """A share as a number out of a hundred.  A share just above 0 or just below 1 is not rounded to
-    0 or 100.
+    """A share as a number out of a hundred. Shares above 0 are not rounded to 0, and shares below 1
+    are not rounded to 100.
     """
     hundred = 100.0 * share
     if 0.0 < hundred < 0.5:

@@ -27,8 +27,8 @@ OBLIQUE_DENSITY = 0.02
 """Largest increase of the density by slanted rays that does not cause a warning."""
 
 SCENE_NEARBY_M = 50_000.0
-"""If the distance between a scene and the plan is larger, there is a warning, because one of the
-two locations may be wrong.
+"""If a scene is farther from the plan than this, there is a warning, because one of the two
+locations may be wrong.
 """
 
 HIGHEST_M = 120.0
@@ -36,7 +36,9 @@ HIGHEST_M = 120.0
 
 
 def with_warnings(plan: AnyPlan) -> AnyPlan:
-    """The plan with all its warnings: its notices, and the warnings of `plan_warnings`."""
+    """The plan with all its warnings: the notices that it already has, and the warnings of
+    `plan_warnings`.
+    """
     return replace(plan, warnings=(*plan.notices, *plan_warnings(plan)))
 
 

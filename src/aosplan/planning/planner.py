@@ -1,4 +1,4 @@
-"""`plan` executes all stages from a request to waypoints in order.  Each stage returns a value that
+"""`plan` runs all stages from a request to waypoints, in order. Each stage returns a value that
 cannot be changed.
 """
 
@@ -123,11 +123,11 @@ def plan(
 
 
 def _ground_of(solved: SolvedPlan, layout: Layout) -> GroundVisibility | None:
-    """Visibility over the ground of a plan; None if nothing is hidden, if the samples have no common
-    ground, or if the plan is for one place anyway.
+    """Visibility over the ground of a plan; None if nothing is hidden, if the samples have no
+    ground in common, or if the plan is for a single place.
 
-    For a single grid, the ground is that which all samples see.  For a single line, it is the
-    swath.  Over an area, it is one cell between sites, because every place has a grid whose middle
+    For a single grid, the ground is the part that all samples see. For a single line, it is the
+    swath. Over an area, it is one cell between sites, because every place has a grid whose middle
     is at most half a pitch away.
     """
     inputs, problem, solution = solved.inputs, solved.problem, solved.solution
@@ -149,7 +149,7 @@ def _ground_of(solved: SolvedPlan, layout: Layout) -> GroundVisibility | None:
 
 
 def _laid_out(solved: SolvedPlan, folder: str) -> Layout:
-    """The sites of a solution.
+    """Lay out the sites of a solution.
 
     If an area needs too many sites, the hint of the error describes a cheaper flight.
     """

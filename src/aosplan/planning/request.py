@@ -193,8 +193,8 @@ class PlanRequest:
         return self.heading if isinstance(self.heading, float) else 0.0
 
     def document(self) -> dict[str, Any]:
-        """The request as plain values, without unused options.  It is enough to compute the plan
-        again.
+        """The request as plain values, without unused options. The plan can be computed again from
+        these values.
         """
         values = ((field.name, getattr(self, field.name)) for field in fields(self))
         return {
@@ -212,7 +212,7 @@ def request_from(
     defaults: Mapping[str, Any] | None = None,
     defaults_where: str = "",
 ) -> PlanRequest:
-    """A request from the values in a file and the flags that override them.
+    """Make a request from the values in a file and the flags that override them.
 
     A flag also removes values of the file that contradict it: ``--visibility`` removes ``vhat``,
     ``--gsd`` removes ``altitude``, and ``--drone`` removes the camera and the speeds of another

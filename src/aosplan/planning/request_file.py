@@ -1,6 +1,6 @@
 """Request files and saved plans as requests, checked with pydantic.
 
-For a plan that is given by flags, this module is not imported.  `PlanRequest` checks the same
+If a plan is given by flags, this module is not imported. `PlanRequest` itself checks the same
 rules.
 """
 

@@ -81,13 +81,14 @@ class PlanInputs(NamedTuple):
     focal_height_m
         Height of the focal plane above ground.
     model, view, rays
-        The visibility model, its view, and its kind of rays; None if the model does not have them.
+        The visibility model, its view, and its kind of rays. View or rays are None if the model
+        does not have them.
     edges
         Targets that the measured model counts.
     coverage
         Share of the occluders that must have d̂ >= 1.
     hold_error_m
-        Standard deviation of the position at each site, per axis.
+        Standard deviation, per axis, of the position at each site.
     requirement
         The target visibility.
     find

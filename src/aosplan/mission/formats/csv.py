@@ -17,7 +17,7 @@ FORMAT = Format("csv", (".csv",), "CSV", needs_place=False)
 
 
 def columns(mission: Mission) -> dict[str, tuple[str, Sequence[Any]]]:
-    """Known columns by name, each with the ``%`` format of its numbers.
+    """The columns whose values are known, by name, each with the ``%`` format of its numbers.
 
     Metres have four decimals (0.1 mm), and degrees have ten (0.01 mm).  There are three heights:
     `altitude_m` of the waypoint above the ground, `ground_m` of the ground above sea level, and
@@ -48,7 +48,7 @@ def notes(missions: Sequence[Mission]) -> list[str]:
 
 
 def rows(template: str, *columns: Sequence[Any]) -> bytes:
-    r"""Rows of text from columns: the same template is filled for each index.
+    r"""Make rows of text from columns. The template is filled once for each row.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ def render(mission: Mission) -> bytes:
     A path across the antimeridian is cut into a MultiLineString, as RFC 7946 requires.
     """
     ways = mission.waypoints
-    assert ways.latitude is not None  # the format requires a location
+    assert ways.latitude is not None  # The format requires a location.
     assert ways.longitude is not None
     known = columns(mission)
     properties = ", ".join(f'"{name}": {mark}' for name, (mark, _) in known.items())

@@ -23,7 +23,7 @@ def render(mission: Mission) -> bytes:
     antimeridian.
     """
     ways = mission.waypoints
-    assert ways.latitude is not None  # the format requires a location
+    assert ways.latitude is not None  # The format requires a location.
     assert ways.longitude is not None
     kind = "" if ways.photo is None else "<description>%s</description>"
     kinds = [] if ways.photo is None else [["photo" if shot else "turn" for shot in ways.photo]]

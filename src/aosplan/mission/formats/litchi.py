@@ -1,4 +1,5 @@
-"""Litchi's CSV with 46 columns: eight fields, fifteen pairs for actions, eight fields.
+"""Litchi's CSV with 46 columns: eight fields, then fifteen pairs of columns for actions, then eight
+fields.
 
 Sources: litchiutilities.com/docs/litchiCsv.php, and DJI's Mobile SDK 4, which flies the mission.
 The file does not contain Litchi's heading mode; the user sets it to Custom (wd) after the import.

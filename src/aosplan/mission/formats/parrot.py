@@ -43,7 +43,7 @@ DELAY, VIEW_MODE = 112, 50_000
 """Commands of Parrot's own dialect: a delay before the next command, and the yaw mode."""
 
 REACHED_M = 0.5
-"""Acceptance radius of a site; the default is 5 m."""
+"""Acceptance radius of a site. The default of the drone is 5 m."""
 
 FULL_FRAME = 13.0
 """Photo format: the whole sensor as JPEG."""
@@ -74,7 +74,7 @@ def _commands(mission: Mission) -> Iterator[tuple[int, tuple[float, ...]]]:
     speed = mission.transit_mps
     yield _plain(mav.TAKEOFF)
     yield _plain(mav.SPEED, 1.0, speed)
-    yield _plain(VIEW_MODE)  # mode 0: the nose turns to the yaw of each waypoint
+    yield _plain(VIEW_MODE)  # In mode 0, the nose turns to the yaw of each waypoint.
     yield mav.GIMBAL, (settings.gimbal_pitch_deg, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0)
     for point in flown_path(mission):
         lead = (0.0, REACHED_M, 0.0, round(settings.yaw_deg, 4) % 360.0)

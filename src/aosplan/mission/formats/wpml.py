@@ -55,13 +55,14 @@ _STOP = (
 )
 _THROUGH = (
     "<wpml:waypointTurnMode>toPointAndPassWithContinuityCurvature</wpml:waypointTurnMode>"
-    # Two curves with this damping distance fit into the shortest leg.
+    # The damping distance is chosen so that the curves at both ends of the shortest leg fit into
+    # it.
     "<wpml:waypointTurnDampingDist>0.2</wpml:waypointTurnDampingDist>"
 )
 
 
 class Machine(NamedTuple):
-    """A drone's name and numbers, and the camera that it carries if the files name one."""
+    """A drone's name and numbers. If the files name a camera, also the camera that it carries."""
 
     name: str
     drone: DjiDrone
@@ -106,8 +107,8 @@ def render(mission: Mission, dialect: Dialect | None = None) -> bytes:
 
 
 def documents(mission: Mission, dialect: Dialect) -> dict[str, Iterator[str]]:
-    """The two documents by name, each in chunks.  The application reads one file, and the drone
-    flies the other file.
+    """The two documents by name, each in chunks. The application reads one of them, and the drone
+    flies according to the other.
     """
     settings = mission.settings
     speed, path = f"{settings.speed_mps:.4f}", flown_path(mission)
@@ -440,7 +441,9 @@ def _action(function: str, *parameters: str) -> str:
 
 
 def _take_photo(lens: str) -> str:
-    """Take a photo with one lens; the M30 and M3D families need the lens in every action."""
+    """Action that takes a photo with one lens. The M30 and M3D families need the name of the lens
+    in every action.
+    """
     return _action(
         "takePhoto",
         _wrap("payloadPositionIndex", 0),
