@@ -11,14 +11,14 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from typer.core import TyperCommand, TyperGroup, TyperOption
-from typer.exceptions import Exit, TyperException
+import click
+from click.exceptions import ClickException, Exit, NoSuchOption
 
 from aosplan import __version__
 from aosplan.errors import AosplanError, RequestError, SurroundingsError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
 PANELS = {
     "Plan a flight": {
@@ -49,17 +49,20 @@ PANELS = {
 COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}
 
 
-class LazyGroup(TyperGroup):
+class LazyGroup(click.Group):
     """A group that has only the summaries of its commands, and imports a command when it is
     called.
     """
 
-    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str, Any, list[str]]:  # noqa: ARG002 (the signature is inherited)
         """Find the command that is called, and import it."""
-        name, command, rest = super().resolve_command(ctx, args)
+        name, *rest = args
         if name in COMMANDS:
-            command = import_module(f"aosplan.cli.{name}").COMMAND
-        return name, command, rest
+            return name, import_module(f"aosplan.cli.{name}").COMMAND, rest
+        from difflib import get_close_matches
+
+        nearest = [repr(known) for known in get_close_matches(name, COMMANDS)]
+        raise RequestError(f"no such command {name!r}", _meant(nearest))
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 (the signature is inherited)
         """Write the summaries of the commands, in the groups of the help."""
@@ -94,10 +97,10 @@ def _install_completion(_context: Any, _parameter: Any, shell: str | None) -> No
         raise Exit(0)
 
 
-def _asked(flag: str, callback: Callable[..., None], help_text: str, **kind: Any) -> TyperOption:
+def _asked(flag: str, callback: Callable[..., None], help_text: str, **kind: Any) -> click.Option:
     """An option that is handled immediately, without a command."""
-    return TyperOption(
-        param_decls=[flag],
+    return click.Option(
+        [flag],
         is_eager=True,
         expose_value=False,
         callback=callback,
@@ -113,11 +116,7 @@ GROUP = LazyGroup(
         "apart, and where."
     ),
     epilog="Try: aosplan plan --altitude 40 --vhat 0.98",
-    commands={
-        name: TyperCommand(name, help=text, rich_markup_mode=None)
-        for name, text in COMMANDS.items()
-    },
-    rich_markup_mode=None,
+    commands={name: click.Command(name, help=text) for name, text in COMMANDS.items()},
     context_settings={"help_option_names": ["-h", "--help"]},
     params=[
         _asked("--version", _show_version, "Print the version.", is_flag=True),
@@ -168,15 +167,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
             answer(GROUP)
             sys.stdout.flush()
             return 0
-        status = GROUP.main(
-            args=given or ["--help"],
-            prog_name="aosplan",
-            standalone_mode=False,
-        )
+        status = _invoke(given or ["--help"])
         sys.stdout.flush()
     except AosplanError as error:
         return _report(error.message, error.hint, error.exit_status)
-    except TyperException as error:
+    except ClickException as error:
         return _report_usage(error)
     except BrokenPipeError:
         return _unheard()
@@ -220,6 +215,18 @@ def _without_table_units(arguments: Sequence[str]) -> list[str]:
                     del rest[place : place + len(words)]
                     os.environ["AOSPLAN_UNITS"] = value
     return rest
+
+
+def _invoke(arguments: list[str]) -> object:
+    """Run the command that the arguments name, and return its result.
+
+    `click.Group.main` is not used, because it prints an empty line after Ctrl-C.
+    """
+    try:
+        with GROUP.make_context("aosplan", arguments) as context:
+            return GROUP.invoke(context)
+    except Exit as done:
+        return done.exit_code
 
 
 def _check_unicode(arguments: Sequence[str]) -> None:
@@ -282,15 +289,18 @@ def _unheard() -> int:
     return 1
 
 
-def _report_usage(error: TyperException) -> int:
+def _meant(names: Collection[str]) -> str:
+    """Hint about similar names; empty if there are none."""
+    return f"did you mean {', '.join(sorted(names))}?" if names else ""
+
+
+def _report_usage(error: ClickException) -> int:
     """Report a mistake in the options, with the message of the parser."""
+    if isinstance(error, NoSuchOption):
+        hint = _meant(error.possibilities or ())
+        return _report(f"no such option: {error.option_name}", hint, 2)
     message = error.format_message().rstrip(".")
-    hint = ""
-    for mark in (" Did you mean ", " (Possible options: "):
-        before, found, after = message.partition(mark)
-        if found:
-            message, hint = before.rstrip("."), f"did you mean {after.rstrip('?)')}?"
-    return _report(message[:1].lower() + message[1:], hint, 2)
+    return _report(message[:1].lower() + message[1:], "", 2)
 
 
 LONGEST_WORD = 200

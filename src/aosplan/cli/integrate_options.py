@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from typer.core import TyperOption
-
-from aosplan.cli.options import file_argument, flag_option, json_option, text_option
+from aosplan.cli.options import PanelOption, file_argument, flag_option, json_option, text_option
 
 
 def integrate_options() -> list[Any]:
@@ -146,8 +144,8 @@ def integrate_options() -> list[Any]:
             "Reduce the weight of each photo towards its edges, so that no seams are visible.",
             image,
         ),
-        TyperOption(
-            param_decls=["--out"],
+        PanelOption(
+            "--out",
             type=str,
             multiple=True,
             metavar="PATH",
@@ -155,7 +153,7 @@ def integrate_options() -> list[Any]:
                 "Write the integral image: .png (8 bits), .tif (float32, georeferenced) or .npz "
                 "(with the number of photos at each pixel).  Repeatable."
             ),
-            rich_help_panel="Output",
+            panel="Output",
         ),
         flag_option(
             "--stretch",

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from typer.core import TyperArgument, TyperCommand, TyperOption
-from typer.exceptions import Exit
+import click
+from click.exceptions import Exit
 
 from aosplan.planning.options import BY_NAME, OPTIONS, Option
 
@@ -46,7 +46,35 @@ ALL = "aosplan.help_all"
 """Key in the context of a command. It is set if the help shows every option."""
 
 
-class PanelCommand(TyperCommand):
+class PanelOption(click.Option):
+    """An option, and the panel of the help that shows it."""
+
+    def __init__(self, *declarations: str, panel: str = "Options", **properties: Any) -> None:
+        super().__init__(declarations, **properties)
+        self.panel = panel
+
+
+class HelpedArgument(click.Argument):
+    """A positional argument that the help describes like an option."""
+
+    panel = "Options"
+
+    def __init__(self, name: str, *, help_text: str, **properties: Any) -> None:
+        super().__init__([name], type=str, **properties)
+        self.help_text = help_text
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str]:  # noqa: ARG002 (the signature is inherited)
+        """The argument and its description."""
+        needed = "  [required]" if self.required else ""
+        return str(self.metavar), self.help_text + needed
+
+    def get_usage_pieces(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 (the signature is inherited)
+        """The argument in the line of usage, in brackets if it is not required."""
+        shown = str(self.metavar)
+        return [shown if self.required or shown.startswith("[") else f"[{shown}]"]
+
+
+class PanelCommand(click.Command):
     """A command whose help groups its options and ends with examples.
 
     The short help leaves out the options of a plan that are not in `common`.
@@ -67,7 +95,7 @@ class PanelCommand(TyperCommand):
                 continue
             record = parameter.get_help_record(ctx)
             if record is not None:
-                panel = getattr(parameter, "rich_help_panel", None) or "Options"
+                panel = getattr(parameter, "panel", "Options")
                 panels.setdefault(panel, []).append(record)
         for panel, records in panels.items():
             with formatter.section(panel):
@@ -109,7 +137,6 @@ def command(
         help=summary,
         epilog=examples,
         params=parameters,
-        rich_markup_mode=None,
     )
     if common is not None:
         made.common = common
@@ -118,10 +145,10 @@ def command(
     return made
 
 
-def _help_all(hidden: int) -> TyperOption:
+def _help_all(hidden: int) -> PanelOption:
     """``--help-all``."""
-    return TyperOption(
-        param_decls=["--help-all"],
+    return PanelOption(
+        "--help-all",
         is_flag=True,
         is_eager=True,
         expose_value=False,
@@ -137,30 +164,24 @@ def _show_all(ctx: Any, _parameter: Any, value: bool) -> None:  # noqa: FBT001
         raise Exit(0)
 
 
-def text_option(flag: str, metavar: str, help_text: str, panel: str = "Options") -> TyperOption:
+def text_option(flag: str, metavar: str, help_text: str, panel: str = "Options") -> PanelOption:
     """An option whose value is text.  The text is parsed later, by aosplan and not by click."""
-    return TyperOption(
-        param_decls=[flag], type=str, metavar=metavar, help=help_text, rich_help_panel=panel
-    )
+    return PanelOption(flag, type=str, metavar=metavar, help=help_text, panel=panel)
 
 
 def flag_option(
     flag: str, help_text: str, panel: str = "Output", *, default: bool | None = False
-) -> TyperOption:
+) -> PanelOption:
     """An option without a value."""
-    return TyperOption(
-        param_decls=[flag], is_flag=True, default=default, help=help_text, rich_help_panel=panel
-    )
+    return PanelOption(flag, is_flag=True, default=default, help=help_text, panel=panel)
 
 
-def file_argument(name: str, help_text: str, *, required: bool = True) -> TyperArgument:
+def file_argument(name: str, help_text: str, *, required: bool = True) -> HelpedArgument:
     """A positional file name."""
-    return TyperArgument(
-        param_decls=[name], type=str, required=required, metavar=name.upper(), help=help_text
-    )
+    return HelpedArgument(name, required=required, metavar=name.upper(), help_text=help_text)
 
 
-def request_options(only: Callable[[Option], bool] = lambda _: True) -> list[TyperOption]:
+def request_options(only: Callable[[Option], bool] = lambda _: True) -> list[PanelOption]:
     """The options of a plan's request.  If an option is not given, its value is None."""
     return [
         flag_option(option.flag, option.help, option.panel, default=None)
@@ -171,7 +192,7 @@ def request_options(only: Callable[[Option], bool] = lambda _: True) -> list[Typ
     ]
 
 
-def positions_argument() -> TyperArgument:
+def positions_argument() -> HelpedArgument:
     """The positions of photos."""
     return file_argument(
         "positions",
@@ -180,7 +201,7 @@ def positions_argument() -> TyperArgument:
     )
 
 
-def request_argument() -> TyperArgument:
+def request_argument() -> HelpedArgument:
     """A request file, which is not required."""
     return file_argument(
         "request",
@@ -189,7 +210,7 @@ def request_argument() -> TyperArgument:
     )
 
 
-def defaults_option() -> TyperOption:
+def defaults_option() -> PanelOption:
     """``--defaults``."""
     return text_option(
         "--defaults",
@@ -198,17 +219,17 @@ def defaults_option() -> TyperOption:
     )
 
 
-def output_options() -> list[TyperOption]:
+def output_options() -> list[PanelOption]:
     """The options of commands that write waypoints."""
     return [
-        TyperOption(
-            param_decls=["--out"],
+        PanelOption(
+            "--out",
             type=str,
             multiple=True,
             metavar="PATH",
             help="Write a mission file.  The extension or NAME:PATH selects the format.  "
             "Repeatable.",
-            rich_help_panel="Output",
+            panel="Output",
         ),
         text_option(
             "--format", "NAME", "Format of the mission file, for a single --out.", "Output"
@@ -219,12 +240,13 @@ def output_options() -> list[TyperOption]:
     ]
 
 
-def json_option() -> TyperOption:
+def json_option() -> PanelOption:
     """``--json``."""
-    return TyperOption(
-        param_decls=["as_json", "--json"],
+    return PanelOption(
+        "as_json",
+        "--json",
         is_flag=True,
         default=False,
         help="Print the result as a JSON document.",
-        rich_help_panel="Output",
+        panel="Output",
     )

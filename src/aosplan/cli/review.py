@@ -6,9 +6,8 @@ import math
 import os
 from typing import TYPE_CHECKING, Any
 
-from typer.core import TyperOption
-
 from aosplan.cli.options import (
+    PanelOption,
     command,
     defaults_option,
     file_argument,
@@ -248,8 +247,8 @@ COMMAND = command(
         *request_options(lambda option: option.name not in ("resume_at", "sensitivity", "within")),
         defaults_option(),
         *output_options(),
-        TyperOption(
-            param_decls=["--coverage-map"],
+        PanelOption(
+            "--coverage-map",
             type=str,
             multiple=True,
             metavar="COV.tif",
@@ -257,7 +256,7 @@ COMMAND = command(
                 "Write the coverage of an area: a raster (.tif), the gaps (.geojson) or a "
                 "picture (.svg).  Repeatable."
             ),
-            rich_help_panel="Output",
+            panel="Output",
         ),
     ],
 )

@@ -5,9 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from typer.core import TyperArgument
-
-from aosplan.cli.options import command
+from aosplan.cli.options import HelpedArgument, command
 from aosplan.cli.output import print_json
 from aosplan.errors import RequestError
 from aosplan.units import nearest_hint
@@ -71,12 +69,11 @@ COMMAND = command(
     summary="Print the JSON Schema of a document, or of all of them by name.",
     examples="aosplan schema plan\naosplan schema > schemas.json",
     parameters=[
-        TyperArgument(
-            param_decls=["document"],
-            type=str,
+        HelpedArgument(
+            "document",
             required=False,
             metavar="DOCUMENT",
-            help="Name of a document: plan, request, scene, camera, statistics, visibility, "
+            help_text="Name of a document: plan, request, scene, camera, statistics, visibility, "
             "poses, integral, sweep, …",
         )
     ],
