@@ -120,7 +120,7 @@ PLACELESS = {
     *range(1000, 1003), *range(2000, 2006), *range(2500, 2521), 2800, 3000, *range(4501, 4505),
     *range(5000, 5005), 5100, *range(30001, 30003), *range(31000, 31015), *range(42600, 42705),
 }  # fmt: skip
-"""Commands whose latitude and longitude, if they have any, are not positions of photos."""
+"""Commands that may have a latitude and a longitude, which are not positions of photos."""
 
 GLOBAL_FRAMES = {0, 3, 5, 6, 10, 11}
 """MAVLink frames in which x and y are latitude and longitude."""
@@ -182,7 +182,7 @@ def _passed(
     """Positions of the photos that a distance trigger takes on a leg, and the distance between the
     last photo and the end of the leg.
 
-    `gone_m` is the distance that was flown since the last photo before the leg.
+    `gone_m` is the distance between the last photo before the leg and the start of the leg.
     """
     from aosplan.geodesy import to_local
     from aosplan.grid.patterns import MOST_SITES
@@ -214,8 +214,8 @@ def _passed(
 
 
 AT_END = 0.01
-"""Tolerance for the photo at the end of a leg: the leg may be shorter by this share of a
-spacing.
+"""Tolerance for the photo at the end of a leg. It is counted even if the leg is too short for it by
+this share of a spacing.
 """
 
 
@@ -285,7 +285,9 @@ def _code(value: Any, where: str) -> int:
 
 
 def _points(path: str) -> Iterator[tuple[Any, ...]]:
-    """Points of a GeoJSON file.  If it has no points, the vertices of its lines."""
+    """Points of a GeoJSON file. If the file has no points, the vertices of its lines
+    are returned.
+    """
     table = read_table(path, with_nan=True)
     _check_crs(table, f"'{path}':")
     features = table.get("features")
@@ -301,7 +303,7 @@ def _points(path: str) -> Iterator[tuple[Any, ...]]:
             raise RequestError(f"{where} geometry type {shown(kind)} is not a name")
         if kind not in found or (isinstance(properties, dict) and properties.get("photo") is False):
             continue
-        assert isinstance(geometry, dict)  # It has a type, so that it is a dictionary.
+        assert isinstance(geometry, dict)  # The geometry has a type, so it is a dictionary.
         for node in (feature, geometry):
             _check_crs(node, where)
         coordinates = geometry.get("coordinates")
@@ -350,8 +352,8 @@ def read_positions(path: str) -> list[tuple[float, float]]:
     Raises
     ------
     RequestError
-        If the header does not have two known columns, if there are no rows, or if a row does not
-        have two numbers.  The message gives the line.
+        If the header does not contain the names of two columns of positions, if there are no rows,
+        or if a row does not have two numbers. The message gives the line.
     """
     from aosplan.postflight.positions_file import SUFFIXES, local_m, read_places
 
@@ -381,8 +383,8 @@ class PositionTable(NamedTuple):
     def columns(
         self, pairs: tuple[tuple[str, str], ...], thirds: tuple[str, ...] = ()
     ) -> list[tuple[str, list[str]]]:
-        """Values of two columns, and of a third if it exists, with the place of each row in the
-        file.
+        """Values of two columns, and of a third column if it exists, with the place of each row in
+        the file.
 
         Raises
         ------
@@ -439,7 +441,9 @@ def read_csv(path: str) -> PositionTable:
 def _photographed(
     names: list[str], rows: list[tuple[str, list[str]]]
 ) -> list[tuple[str, list[str]]]:
-    """One row per photo for a Litchi mission that takes photos.  For other files, all rows."""
+    """Rows with photos. For a Litchi mission that takes photos, there is one row per photo. For
+    other files, these are all rows.
+    """
     actions = [place for place, name in enumerate(names) if name.startswith("actiontype")]
     columns = [
         names.index(name) if name in names else -1

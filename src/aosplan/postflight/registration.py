@@ -1,11 +1,11 @@
 """Matching of a plan without a location to the photos that were taken for it.
 
-Every pair of a photo and a site defines a translation that moves the site to the photo.  The
-correct translation is that on which most pairs agree.  Missing photos reduce this number of pairs,
-but photos of other objects rarely increase it.  If the grid is moved by a whole pitch, it fits
-almost as well.  If a whole row of photos is missing, it fits equally well.  If several translations
-fit equally well, the one whose sites are earliest in the flight is chosen, because a flight is
-often ended early but rarely begun late.
+Every pair of a photo and a site defines a translation that moves the site to the photo. The correct
+translation is the one on which most pairs agree. Missing photos reduce the number of pairs that
+agree. Photos of other objects rarely add pairs to a wrong translation. A translation that is wrong
+by a whole pitch fits almost as well as the correct one. If a whole row of photos is missing, it
+fits equally well. If several translations fit equally well, the one whose sites are earliest in the
+flight is chosen, because a flight is often ended early but rarely begun late.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ MOST_PAIRS = 4_000_000
 """Largest number of pairs of a photo and a site that are examined."""
 
 CANDIDATES = 64
-"""Number of translations that are examined further: those on which most pairs agree."""
+"""Number of translations that are examined further, beginning with the one on which most pairs
+agree.
+"""
 
 STEPS = 10
 """Largest number of refinements of a translation.  Each refinement adds the median of the
@@ -32,8 +34,8 @@ residuals.
 
 
 class Registration(NamedTuple):
-    """Translation from sites to photos [m], shape (2,), and number of translations that fit
-    equally.
+    """Translation from sites to photos [m], shape (2,), and number of translations that fit equally
+    well.
     """
 
     offset_m: Floats
@@ -68,7 +70,7 @@ def registered(sites_m: Floats, points_m: Floats, reach_m: float) -> Registratio
     Returns
     -------
     Registration or None
-        None if there are more than `MOST_PAIRS`.
+        The translation; None if there are more than `MOST_PAIRS` pairs.
     """
     from scipy.spatial import cKDTree
 
@@ -98,8 +100,8 @@ def registered(sites_m: Floats, points_m: Floats, reach_m: float) -> Registratio
                 break
         near, photo, off = matched(offset)
         if len(near):
-            # The median is rounded, but much finer than the accuracy of GNSS, so that rounding
-            # errors do not affect the choice.
+            # The median is rounded, so that tiny errors of the calculation do not affect the
+            # choice. The rounding is much finer than the accuracy of GNSS.
             middle = round(float(np.median(off)) / reach_m, 6)
             fits.setdefault(_Fit(-len(np.unique(photo)), middle, int(near.sum())), offset)
     best = min(fits)

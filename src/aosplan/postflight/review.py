@@ -1,10 +1,10 @@
 """Review of a flight: the sites without a photo, the visibility of the photos, and the flight to
 the missing sites.
 
-A photo belongs to the nearest site if it is within a tolerance.  A site without photos is missing.
+A photo belongs to the nearest site if it is within a tolerance. A site without photos is missing.
 The visibility of the photos is predicted for their recorded positions, with the scene and model of
-the plan.  Because these positions are known, the position noise of the plan is not used.  A photo
-that belongs to no site is also included if its footprint contains the centre of the grid.
+the plan. The position noise of the plan is not used, because the recorded positions are known. A
+photo that belongs to no site is also included if its footprint contains the centre of the grid.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ ALTITUDE_SHARE = 0.05
 
 
 class FlownDetection(NamedTuple):
-    """Probability of detection: of the plan, with the flown photos, and with photos at the missing
-    sites in addition.
+    """Three probabilities of detection: of the plan, with the flown photos, and with the flown
+    photos together with photos at the missing sites.
     """
 
     planned: float
@@ -82,18 +82,18 @@ class Review:
     counted
         Number of photos that the prediction includes.
     topup
-        The plan with a path through the missing sites only; None if no sites are missing.  Over an
-        area, it has the missing sites that close gaps of the coverage.  If there is a time limit,
-        it has as many of these sites as the time allows.
+        The plan with a path through the missing sites only. It is None if no sites are missing.
+        Over an area, it has the missing sites that close gaps of the coverage. If there is a time
+        limit, it has as many of these sites as the time allows.
     warnings
         Warnings for the user.
     detection
-        Probability that the plan's target is found; over an area, the mean of this probability.
-        None without a target, or if there is no single prediction.
+        Probability that the plan's target is found. Over an area, it is the mean over the places.
+        It is None without a target, or if there is no single prediction.
     coverage
         Coverage of an area by the photos, at each place; None without an area.
     after
-        The coverage with the photos of the top-up in addition.
+        The coverage by the flown photos together with the photos of the top-up.
     """
 
     plan: Plan
@@ -196,10 +196,10 @@ def review(
     wanted
         The request of the plan.
     views
-        The photos.  Positions in metres are relative to the origin of the plan.  If a plan has no
-        location, it is given the location at which most of its sites have a photo.
+        The photos. Positions in metres are relative to the origin of the plan. If the plan has no
+        location, it is moved to the location at which most of its sites have a photo.
     tolerance_m
-        Largest distance between a photo and its site; default: half the smaller pitch.
+        Largest distance between a photo and its site; by default half of the smaller pitch.
     longest_s
         Longest time of the top-up, from take-off to landing.
     folder, progress, on_trial
@@ -311,8 +311,7 @@ class _AreaReview:
         from aosplan.maps.coverage_map import Coverage
 
         self._ground = ground = Coverage(planned)
-        # For the count of sites, all photos of a site are counted once, at the position of the
-        # site.
+        # Each site is counted once, at its own position, however many photos it has.
         self._points_m = points_m
         self._sites_m = np.vstack([sites_m[np.unique(site_of[near])], points_m[~near]])
         self.coverage = ground.of(points_m, self._sites_m)
@@ -363,7 +362,7 @@ def _detections(
 
 
 def _laid_on(planned: Plan, views: Views, reach_m: float) -> tuple[Plan, int]:
-    """The plan, with the origin at which its sites fit the photos best, and the number of origins
+    """The plan with the origin at which its sites fit the photos best, and the number of origins
     that fit equally well.
     """
     from aosplan.geodesy import to_wgs84
@@ -410,8 +409,8 @@ def _sees_middle(planned: Plan, points_m: NDArray[np.float64]) -> NDArray[np.boo
 
 
 def _unpredictable(planned: Plan, sites: int, photos: int) -> Message | None:
-    """The reason why there is no single prediction for the sites and photos; None if there is a
-    prediction.
+    """The reason why there is no single prediction for the sites and the photos; None if there is a
+    single prediction.
     """
     if planned.layout.survey is not None or sites != planned.solution.pattern.samples:
         message = (
@@ -481,7 +480,7 @@ def _of_altitudes(planned: Plan, views: Views) -> Iterator[Message]:
     the altitudes is not known.
     """
     if planned.route.datum is not None:
-        return  # For a flight over terrain, files do not contain the reference of the heights.
+        return  # For a flight over terrain, the reference of the heights in files is not known.
     expected = planned.altitude_m + planned.inputs.focal_height_m
     known = np.array([each for each in views.altitudes_m if each is not None])
     off = known[np.abs(known - expected) > ALTITUDE_SHARE * expected]

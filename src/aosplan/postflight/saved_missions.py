@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from aosplan.mission.format import Format
 
 MISSION_ENDINGS = (".waypoints", ".plan", ".kmz", ".mavlink", ".csv")
-"""Extensions of mission files.  A ``.csv`` file is one of Litchi, or it has latitudes and
-longitudes.
+"""Extensions of mission files. A ``.csv`` file is a mission of Litchi, or a table with latitudes
+and longitudes.
 """
 
 
@@ -35,8 +35,8 @@ def read_saved_missions(path: str, chosen: Sequence[Format]) -> tuple[Mission, .
     Raises
     ------
     RequestError
-        If the file is neither of these, or if it is a mission file and one of the formats is for
-        autopilots.
+        If the file is neither a saved plan nor a mission file, or if it is a mission file and one
+        of the formats is for autopilots.
     """
     if not path.lower().endswith(MISSION_ENDINGS):
         from aosplan.planning.saved_plan import read_missions

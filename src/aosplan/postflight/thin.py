@@ -59,7 +59,7 @@ class Thinning(NamedTuple):
 
     @property
     def bound(self) -> Prediction:
-        """Prediction for the same number of views that share no occluder: K = 1/N."""
+        """Prediction for the same number of views, if they did not share occluders: K = 1/N."""
         return self.kept._replace(shortfall=1.0 / len(self.chosen))
 
     def document(self) -> dict[str, Any]:
@@ -129,8 +129,8 @@ def thin_views(
     Parameters
     ----------
     wanted
-        Scene, altitude, camera and model.  If views have latitude and longitude, also their origin;
-        by default it is their centre.
+        Scene, altitude, camera and model, and the origin if the views have latitude and longitude.
+        The default of the origin is the centre of the views.
     views
         The recorded views.
     samples
@@ -155,7 +155,8 @@ def thin_views(
     if views.places is not None and origin is None:
         origin = views.middle(wanted.heading)
     kept = {name: getattr(wanted, name) for name in SHOWING}
-    # A plan with one photo is computed. It provides the scene and the model, and checks them.
+    # A plan with one photo is computed, because it provides the scene and the model, and checks
+    # them.
     scene = plan(
         PlanRequest(**kept, samples=1, baseline=1.0),
         folder=folder,
@@ -169,7 +170,7 @@ def thin_views(
     hidden = None if best == "normalized" else model.hidden_at(points)
     chosen = choose_views(points, samples, model.correlation, hidden, alike=best == "similarity")
     every, few = predicted(scene, points), predicted(scene, points[chosen])
-    # The warning about few photos refers to this plan with one photo, so that it is removed.
+    # The warning about few photos is removed, because it refers to this plan with one photo.
     notices = [notice for notice in scene.notices if notice.code != "detection_few_photos"]
     warnings = [*notices, *views.messages()]
     if hidden is None and few.density > every.density + MORE_HIDDEN:

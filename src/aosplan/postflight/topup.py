@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from aosplan.planning.result import Plan
 
 STARTS = 12
-"""Number of sites at which a part of the path can start."""
+"""Largest number of sites that are tried as the start of a part of the path."""
 
 
 class TopUp(NamedTuple):
@@ -33,7 +33,7 @@ class TopUp(NamedTuple):
     plan
         The plan with the path of this flight.
     sites
-        Waypoints of the plan that it visits, in increasing order.
+        Waypoints of the plan that the flight visits, in increasing order.
     wanted, all_s
         Number of all requested sites, and the time of a flight to all of them.
     """
@@ -70,14 +70,14 @@ def topup_within(
     sites
         Waypoints without a photo, in increasing order.
     gains
-        Value of a photo at each of them.
+        Value of a photo at each of these waypoints.
     longest_s
         Longest time from take-off to landing.
 
     Raises
     ------
     InfeasibleError
-        If the flight to a single site takes longer.
+        If even the flight to a single site takes longer.
     """
     whole, order = _fastest(planned, sites)
     all_s = whole.route.total_time_s
@@ -86,8 +86,8 @@ def topup_within(
     gain_of = dict(zip(sites, gains.tolist(), strict=True))
 
     def number_from(start: int) -> int:
-        """The largest number of consecutive sites, from a start site on, that can be flown in at
-        most the given time.
+        """The largest number of consecutive sites, beginning with a start site, that can be flown
+        within the given time.
         """
         return last_number(
             len(order) - start,

@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 class Views(NamedTuple):
     """Photos with their positions (on earth or in metres) and other data of their source.
 
-    `header` and `rows` are the columns of the source.  For a folder, `rows` has the names of the
-    photos.  `unplaced` has the names of photos without a position, and `doubtful` has the reason
-    for some of them.  `paired` has the photos that are left out because another photo of the same
-    shot is used.
+    `header` and `rows` are the columns of the source. For a folder, `rows` has the names of the
+    photos. `unplaced` has the names of photos without a position. For some of these photos,
+    `doubtful` has the reason. `paired` has the photos that are left out because another photo of
+    the same shot is used.
     """
 
     path: str
@@ -83,7 +83,7 @@ class Views(NamedTuple):
         if self.places is None:
             east, north = zip(*self.positions_m, strict=True)
             return list(east), list(north)
-        assert origin is not None  # If there are places, the caller gives an origin.
+        assert origin is not None  # The caller gives an origin if the views have places.
         return local_m(self.places, origin, self.path, "the plan's origin")
 
     def messages(self) -> Iterator[Message]:
@@ -124,7 +124,7 @@ def read_views(path: str, *, on_earth: bool) -> Views:
     path
         The folder or file.
     on_earth
-        Whether latitudes and longitudes are used if a CSV has both these and metres.
+        Whether latitudes and longitudes are used if a CSV has both these and positions in metres.
 
     Raises
     ------
@@ -151,8 +151,8 @@ def read_views(path: str, *, on_earth: bool) -> Views:
         rows = [["" if value is None else repr(value) for value in place] for place in places]
         return _views(path, [PLACE_NAMES[0][0], PLACE_NAMES[0][1], ALTITUDES[0]], rows, places)
     table = read_csv(path)
-    # If the table has neither of the two pairs of columns, this raises an error that names both
-    # pairs.
+    # If the table has neither of the two pairs of columns, this call raises an error that names
+    # both pairs.
     table.columns((*PLACE_NAMES, *NAMES_M))
     rows = [row for _, row in table.rows]
     if table.pair(PLACE_NAMES) and (on_earth or not table.pair(NAMES_M)):

@@ -22,8 +22,8 @@ def read_route(path: str) -> list[tuple[str, Any, Any, Any, int, float | None]]:
 
     For each waypoint, the result has six values: place in the file, latitude, longitude, height,
     number of photos at the waypoint, and distance between photos from this waypoint on (0: no more
-    photos; None: unchanged).  Photos by distance are taken from the first waypoint of an action
-    group to the last.
+    photos; None: the distance does not change). Photos by distance are taken from the first
+    waypoint of an action group to the last.
 
     Raises
     ------
@@ -78,7 +78,7 @@ class _Reader:
         parser.CharacterDataHandler = self.text.append
         try:
             parser.Parse(content, True)
-        # Unknown encodings raise these errors too.
+        # Python raises these errors for unknown encodings.
         except (expat.ExpatError, LookupError, ValueError) as error:
             raise RequestError(f"'{self.path}': {MEMBER} is not valid XML: {error}") from None
 
@@ -128,8 +128,8 @@ class _Reader:
                 self.switches[first] = spacing
                 self.switches.setdefault(last, 0.0)
             else:
-                # If a group has another trigger, such as time, one photo at each of its waypoints
-                # is assumed.
+                # If a group has another trigger, such as time, it is assumed that one photo is
+                # taken at each of its waypoints.
                 self.shots |= dict.fromkeys(range(max(first, 0), min(last, 65_535) + 1), 1)
 
     def _site(self) -> None:

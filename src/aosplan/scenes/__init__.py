@@ -5,8 +5,8 @@
 - `aosplan.scenes.inventory`: scenes from stems, crowns and leaf area.
 - `aosplan.scenes.voxels`: a stand as voxels.
 - `aosplan.scenes.occlusion`: the targets that each view through the voxels sees.
-- `aosplan.scenes.hidden_counts`: numbers of views that hide each target, and of targets that both
-  views of a pair hide.
+- `aosplan.scenes.hidden_counts`: the number of views in which each target is hidden, and the number
+  of targets that are hidden in both views of a pair.
 - `aosplan.scenes.integral_image`: integral images of the ground below occluders with radiances.
 - `aosplan.scenes.matched_window`: the detector that searches integral images for a target.
 - `aosplan.scenes.correlogram`: correlation of two views as a function of the distance between their
@@ -15,7 +15,7 @@
 - `aosplan.scenes.summary`: the statistics of a scene as a document and as a file.
 - `aosplan.scenes.files`: the readers of scene files.
 - `aosplan.scenes.density`: Eq. 1 of the paper and its inverse.
-- `aosplan.scenes.opacity`: how the opacity of a stand was found.
+- `aosplan.scenes.opacity`: the method by which the opacity of a stand was found.
 - `aosplan.scenes.packed_columns`: columns of targets as bits, for fast views of voxels.
 - `aosplan.scenes.perspective`: positions at which rays of perspective views meet slices.
 - `aosplan.scenes.plates`: cells that rays meet in slices of plates.

@@ -1,9 +1,9 @@
 """The correlogram: a table of a few hundred numbers that describes a stand, for fast searches.
 
-Exact predictions (`aosplan.models.measured`) compute every view of every candidate.  A search can
-use an approximation instead, which needs two functions. ρ(Δ) is the correlation of the targets that
-two views hide, if the cameras of the views are Δ apart. p(c) is the share of targets that a view
-from the offset c hides.  The approximation is
+Exact predictions (`aosplan.models.measured`) compute every view of every candidate. A search can
+use an approximation instead, which needs two functions. ρ(Δ) is the correlation, over targets, of
+being hidden in two views whose cameras are Δ apart. p(c) is the share of targets that are hidden in
+a view from the offset c. The approximation is
 
     p̄ = mean of p(c) over the sites,   K ≈ mean of ρ(Δ) over all ordered pairs of sites.
 
@@ -12,18 +12,19 @@ of the offset c, divided by the altitude.  The tables are computed for telecentr
 valid for every altitude. p̄ has to be the mean over the actual sites, because p increases with the
 offset.
 
-**Lags** grow by a factor of √2, and directions are 22.5° apart.  Real stands would not require such
-a fine table.  With this choice, the same polar lattice of 273 views contains the pairs of all
+**Lags** grow by a factor of √2, and directions are 22.5° apart. Real stands do not need such a fine
+table. It was chosen because a single polar lattice of 273 views contains the pairs of views for all
 entries.
 
-**Pairs.**  The correlation of two views that are Δ apart decreases as the pair moves away from
-nadir.  An entry of ρ is therefore a mean over five positions of the pair in a square aperture: at nadir,
-Δ/2 away from it perpendicular to Δ on both sides, and Δ/2 away from it along Δ on both sides.  The last two positions have half the weight, because fewer pairs of an aperture are there.
+**Pairs.** The correlation of two views that are Δ apart decreases as the pair moves away from
+nadir. An entry of ρ is therefore a mean over five positions of the pair in a square aperture: at
+nadir, Δ/2 away from it perpendicular to Δ on both sides, and Δ/2 away from it along Δ on both
+sides. The last two positions have half the weight, because an aperture has fewer pairs there.
 
-The error of V̂ was measured with two point clouds and nineteen generated stands.  For square grids
-within the plot's reach, with b/h = 0.01 … 0.1 and N = 4 … 100, it is at most 0.016.  If p is above
-0.98, so that only a few gaps remain, it is at most 0.045.  Lanes and lines have other distributions
-of pairs.  Their error is at most 0.02, and at most 0.06 in sparse stands with a few trees.
+The error of V̂ was measured with two point clouds and nineteen generated stands. For square grids
+within the reach of the plot, with b/h = 0.01 … 0.1 and N = 4 … 100, the error is at most 0.016. If
+p is above 0.98, only a few gaps remain, and the error is at most 0.045. Lanes and lines have other
+distributions of pairs. Their error is at most 0.02, or 0.06 in sparse stands with a few trees.
 """
 
 from __future__ import annotations
@@ -49,22 +50,23 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 INTERIOR = 0.2, 0.4, 0.6, 0.8, 1.0
-"""Widths of apertures, as shares of the reach.  For each width, there is a correlogram of the
-targets from which all rays to the aperture stay on the plot.  For other widths, a model
-interpolates.
+"""Widths of apertures, as shares of the reach. For each width, there is a correlogram of the
+targets from which all rays to the aperture stay on the plot. The model interpolates between these
+widths.
 """
 
 LAGS = 15
 SMALLEST_LAG = 0.01
 DIRECTIONS = 8
-"""Number of directions in half a circle.  It is a multiple of 4, so that each direction has others
-at 45° and at 90° to it.
+"""Number of directions in half a circle. It is a multiple of 4. Each direction therefore has other
+directions at 45° and at 90° to it.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class Correlogram:
-    """Correlation of two views, and share of targets that one view hides, by direction and lag.
+    """Tables, by direction and lag, of the correlation of two views and of the share of targets
+    that are hidden in one view.
 
     Parameters
     ----------
@@ -75,12 +77,12 @@ class Correlogram:
         Shape (D,), clockwise from north, equally spaced from 0 to below 180.  Opposite directions
         have equal values.
     rho
-        Shape (D, L): correlation ρ of the targets that two views hide.
+        Shape (D, L): correlation ρ between two views.
     density_by_offset
-        Shape (D, L): share of targets that a view from an offset hides, averaged over the two
-        opposite offsets.
+        Shape (D, L): share of targets that are hidden in a view from an offset, averaged over the
+        two opposite offsets.
     density
-        Share of targets that the nadir view hides.
+        Share of targets that are hidden in the nadir view.
     reach
         Largest lag for which the plot is large enough.  At this lag, the rays of two views are half
         the width of the plot apart at the top of the canopy.
@@ -120,8 +122,8 @@ class Correlogram:
         return self._at(self._rho_by_lag, lag, direction_deg)
 
     def density_at(self, lag: Floats, direction_deg: Floats) -> Floats:
-        """Share p of the targets that views from offsets hide.  Beyond the last lag, the value at
-        the last lag is used.
+        """Share p of the targets that are hidden in views from offsets. Beyond the last lag, the
+        value at the last lag is used.
         """
         return self._at(self._density_by_lag, lag, direction_deg)
 
@@ -181,7 +183,7 @@ def correlogram(
         As in `aosplan.scenes.occlusion.Occlusion`.
     """
     top_m = max(volume.canopy_top_m - focal_height_m, 0.0)
-    # Any altitude above the canopy will do, because views at the same lag are equal for all
+    # The altitude only has to be above the canopy, because views at the same lag are equal for all
     # altitudes.
     altitude_m = 2.0 * top_m + 1.0
     occlusion = occlusion_of(
@@ -219,7 +221,7 @@ def correlogram(
         return whole
     apertures = [share * reach for share in INTERIOR]
     margins = [math.ceil(0.5 * each * top_m / volume.voxel_m - FACE) for each in apertures]
-    if 2 * margins[-1] >= min(volume.occupied.shape[1:]):  # the plot has only a few voxels
+    if 2 * margins[-1] >= min(volume.occupied.shape[1:]):  # The plot has only a few voxels.
         return whole
     return replace(whole, interior=tuple(map(table, margins, apertures)))
 
@@ -238,7 +240,7 @@ class _Views(NamedTuple):
         and lag.
 
         Pairs with a view outside of the aperture are not counted, unless all pairs of an entry have
-        one.
+        such a view.
         """
         targets = int(popcount(inside))
         rho = np.empty((DIRECTIONS, LAGS))
@@ -257,7 +259,7 @@ class _Views(NamedTuple):
             for weight, one, other in pairs:
                 first = self.nadir if one is None else self._at(self.masks, *one)
                 alike = _correlation(first & inside, self._at(self.masks, *other) & inside, targets)
-                # Both views have the same distance from nadir, or the first one is at nadir.
+                # Both views have the same distance from nadir, or the first view is at nadir.
                 spread = np.abs(self._at(self.offsets, *other)).max(axis=1)
                 counts = weight * (spread <= 0.5 * aperture * (1.0 + FACE))
                 total += weight / 8.0 * alike
@@ -272,11 +274,11 @@ class _Views(NamedTuple):
 
 
 def _correlation(one: Words, other: Words, targets: int) -> Floats:
-    """Correlation of the targets that two views hide, for each pair of views."""
+    """Correlation of two views over the targets, for each pair of views."""
     p, q = popcount(one) / targets, popcount(other) / targets
     covariance = popcount(one & other) / targets - p * q
     spread = np.sqrt(p * (1.0 - p) * q * (1.0 - q))
-    # If a view hides all targets or none, the correlation is set to 0.
+    # If all targets or no targets are hidden in a view, the correlation is set to 0.
     return np.divide(covariance, spread, where=spread > 0.0, out=np.zeros_like(covariance))
 
 
@@ -315,8 +317,8 @@ def monotone_cubics(x: Floats, y: Floats) -> Floats:
 
 
 def _end(step: Floats, next_step: Floats, slope: Floats, next_slope: Floats) -> Floats:
-    """Slope at an end point: that of the parabola through the last three points, limited so that
-    the spline stays monotone.
+    """Slope at an end point. It is the slope of the parabola through the last three points, and is
+    limited so that the spline is monotone.
     """
     tangent = ((2.0 * step + next_step) * slope - step * next_slope) / (step + next_step)
     turned = np.sign(tangent) != np.sign(slope)

@@ -50,7 +50,7 @@ def transparency(slice_density: Floats, volume_height: Floats, occluder_size: Fl
 
 
 def slice_density(integrated: Floats, volume_height: Floats, occluder_size: Floats) -> Any:
-    """Density D of each slice for which the integrated density is p: Eq. 1 solved for D.
+    """Density D of each slice, for a given integrated density p. This is Eq. 1, solved for D.
 
     Parameters
     ----------
@@ -71,7 +71,8 @@ def density_of_part(density: Any, part_m: Any, whole_m: Any, xp: Any = SCALARS) 
 
 
 def _log_transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any, Any]:
-    """log T = (l/o) log(1 - D) as a sum of two floats, and whether the arguments are in the domain.
+    """log T = (l/o) log(1 - D) as a sum of two floats, and whether the arguments are in the domain
+    of Eq. 1.
 
     The relative error of T is |log T| times the relative error of log T.  The second float
     therefore contains the rounding errors of the quotient and of the product.
@@ -81,11 +82,11 @@ def _log_transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any, A
     remainder = (height - ratio * o) - _product_error(ratio, o)
     high = ratio * log_q
     low = _product_error(ratio, log_q) + remainder / o * log_q
-    # An empty volume is transparent for every D and l/o. This case is separate, because 0 times
-    # infinity would give nan. If the correction overflows, it is not needed.
+    # An empty volume is transparent, whatever D and l/o are. This case is treated separately,
+    # because 0 times infinity would give nan. If the correction overflows, it is not needed.
     filled = (height > 0.0) & (d > 0.0)
     valid = (d >= 0.0) & (d <= 1.0) & (height >= 0.0) & (o > 0.0)
-    # A solid slice gives -inf, even if l/o is rounded to 0.
+    # A solid slice has log T = -inf, even if l/o is rounded to 0.
     high = xp.where(d < 1.0, high, -math.inf)
     return xp.where(filled, high, 0.0), xp.where(filled & (abs(low) < 1.0), low, 0.0), valid
 
@@ -108,9 +109,9 @@ def _integrated_density(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]
 def _transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
     log_t, rest, valid = _log_transparency(xp, d, height, o)
     t = xp.exp(log_t)
-    # If T is small, |log T| is large, and rounding its last digit changes T noticeably. A power
-    # does not have this error. In the following, 1 - D is exactly q + lost, and l/o is ratio +
-    # remainder.
+    # If T is small, |log T| is large, and an error in its last digit changes T noticeably. The
+    # power (1 - D)^(l/o) does not have this error. In the following, 1 - D is exactly q + lost, and
+    # l/o is ratio + remainder.
     q = 1.0 - d
     lost = (1.0 - q) - d
     ratio = height / o

@@ -25,17 +25,17 @@ def popcount(words: Words) -> NDArray[np.int64]:
     """Number of set bits along the last axis."""
     if hasattr(np, "bitwise_count"):
         bits = np.bitwise_count(words)
-    else:  # numpy 1 does not have bitwise_count
+    else:  # NumPy 1 does not have bitwise_count.
         bits = BYTE_COUNTS[np.ascontiguousarray(words).view(np.uint8)]
     return np.asarray(bits.sum(axis=-1, dtype=np.int64))
 
 
 class HiddenCount:
-    """Number of views that hide each target, stored as binary digits.
+    """Number of views in which each target is hidden, stored as binary digits.
 
-    c is the number of views that hide a target.  Plane i contains bit i of c for every target.
-    Adding a view takes a few operations on words. Σ c follows from the numbers of set bits in the
-    planes, and Σ c² from those in pairs of planes.
+    Let c be the number of views in which a target is hidden. Plane i contains bit i of c for every
+    target. A view is added with a few operations on words. Σ c is computed from the number of set
+    bits in each plane, and Σ c² from the number of bits that are set in both planes of a pair.
     """
 
     def __init__(self, words: int) -> None:
@@ -56,7 +56,9 @@ class HiddenCount:
 
     @property
     def planes(self) -> Words:
-        """Binary digits of the counts, the lowest first, as masks: shape (digits, words)."""
+        """Binary digits of the counts as masks, beginning with the lowest digit, shape (digits,
+        words).
+        """
         return np.stack(self._planes)
 
     def moments(self) -> tuple[int, int]:
@@ -67,7 +69,7 @@ class HiddenCount:
 
 
 def joint_counts(masks: Words) -> NDArray[np.int64]:
-    """Number of targets hidden from both views of every pair, shape (N, N).
+    """Number of targets that are hidden in both views of a pair, for every pair, shape (N, N).
 
     Parameters
     ----------

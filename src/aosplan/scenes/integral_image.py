@@ -1,12 +1,12 @@
 """Simulated integral images of the ground below occluders, in which a search looks for targets.
 
-Occluders are flat square cells in horizontal planes.  Each cell has its own radiance; part of the
-radiance is common to a whole crown.  A photo shows the first surface that each ray meets.  The
-integral image is the mean of the photos, registered on the ground.  It is stored in two parts: the
-contribution of the canopy, and for each pixel of the ground the share of the photos that see it.
-The image of any ground with any targets can then be computed without tracing rays again.
+Occluders are flat square cells in horizontal planes. Each cell has its own radiance. A part of it
+is the same for the whole crown. A photo shows the first surface that each ray meets. The integral
+image is the mean of the photos, registered on the ground. It is stored in two parts: the
+contribution of the canopy, and the share of photos that see each pixel of the ground. The image of
+any ground with any targets can then be computed without tracing rays again.
 
-Radiances are in units of σ_c, their standard deviation between occluders.
+Radiances are in units of σ_c, the standard deviation of the radiance between occluders.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ PIXEL_M = 0.1
 
 
 SPREAD = (0.7548776662466927, 0.5698402909980532)
-"""Steps of the sub-pixel offset from photo to photo.  With these steps, the photos sample a pixel
-evenly (Roberts' R2 sequence).
+"""Steps, along x and y, of the offset within a pixel from one photo to the next. With these steps,
+the photos sample a pixel evenly (Roberts' R2 sequence).
 """
 
 
 class CanopyRadiance(NamedTuple):
-    """Radiance of occluders: the mean M relative to the mean of the ground, and the share of the
-    variance that is common to whole crowns.
+    """Radiance of occluders: the mean M, relative to the mean of the ground, and the share of the
+    variance that whole crowns have in common.
     """
 
     offset: float
@@ -64,8 +64,8 @@ class OccluderPlane(NamedTuple):
 
 
 class CanopyIntegral(NamedTuple):
-    """An integral image in two parts: the share of photos that see each pixel, and the part of the
-    canopy.
+    """An integral image in two parts: the share of photos that see each pixel, and the contribution
+    of the canopy.
 
     The integral image of ground with the radiance g is `canopy` + `seen` g.  Pixels are `pitch_m`
     wide along x and y.
@@ -101,9 +101,10 @@ def planes_of_volume(
 ) -> list[OccluderPlane]:
     """Planes of a stand's voxels.
 
-    A slice of cubes has a plane at its bottom and one at its top.  A slice of plates has a plane at
-    its middle.  Heights are relative to the focal plane, `focal_height_m` above the ground.  Slices
-    below it are ignored.  The longer path of slanted rays through plates (1 % at 8°) is neglected.
+    A slice of cubes has a plane at its bottom and one at its top. A slice of plates has a plane at
+    its middle. Heights are relative to the focal plane, which is `focal_height_m` above the ground.
+    Slices below the focal plane are ignored. The effect of the longer path of slanted rays through
+    plates (1 % at 8°) is neglected.
     """
     _, rows, columns = volume.occupied.shape
     size_m = max(rows, columns) * volume.voxel_m
@@ -161,8 +162,8 @@ def gaussian_field(
 
     spread = length_m / math.sqrt(2.0) / pitch_m
     noise = gaussian_filter(rng.standard_normal(shape), spread, mode="wrap")
-    # The variance after the filter is 1/(4 π σ²) for a continuous filter. Here it is computed from
-    # the samples of the filter.
+    # For a continuous filter, the variance after the filter would be 1/(4 π σ²). Here it is
+    # computed from the samples of the filter.
     impulse = np.zeros(shape)
     impulse[0, 0] = 1.0
     scale = math.sqrt(float((gaussian_filter(impulse, spread, mode="wrap") ** 2).sum()))
@@ -202,8 +203,8 @@ def integrate_planes(
     canopy = np.zeros_like(seen)
     steps = [length / count for count, length in zip(counts, size_m, strict=True)]
     for index, site in enumerate(np.asarray(sites_m, dtype=np.float64)):
-        # Each photo samples a different point within the pixels. On average this imitates real
-        # pixels, which average over their area.
+        # Each photo samples a different point within the pixels. The mean over photos is then
+        # similar to real pixels, which average over their area.
         within = [
             ((index + 0.5) * part % 1.0 - 0.5) * step
             for part, step in zip(SPREAD, steps, strict=True)

@@ -15,13 +15,14 @@ The number of crowns above a point has a Poisson distribution, so the visible sh
 
     1 - p = exp(-μ (1 - t)) = exp(-G L Ω),   Ω = μ (1 - t) / (G L).
 
-The clumping index Ω is 1 for thin leaves.  The gaps between crowns, exp(-μ), remain for any leaf
-area (Nilson 1971, Agricultural Meteorology 8, 25-38; Nilson 1999, Agricultural and Forest
-Meteorology 98-99, 437-448; G: Ross 1981, The Radiation Regime and Architecture of Plant Stands).
+The clumping index Ω is 1 for thin leaves. The share exp(-μ) of gaps between crowns does not depend
+on the leaf area (Nilson 1971, Agricultural Meteorology 8, 25-38; Nilson 1999, Agricultural and
+Forest Meteorology 98-99, 437-448; G: Ross 1981, The Radiation Regime and Architecture of Plant
+Stands).
 
 The optical depth -ln(1 - p) is distributed over the height like the leaf area: in proportion to the
-cross-section of the ellipsoid.  Slices are treated as independent.  In real stands, slices are not
-independent, because leaves are clumped.  V̂ is therefore an upper bound.
+cross-section of the ellipsoid. Slices are treated as independent, although they are not independent
+in real stands, because leaves are clumped. The predicted V̂ is therefore an upper bound.
 """
 
 from __future__ import annotations

@@ -22,8 +22,8 @@ BOX_M = 4.0
 """Side of the box whose mean the detector subtracts [m]."""
 
 PARTS = 4
-"""Number of subdivisions of a pixel along x and along y.  They give the share of the pixel that a
-target covers.
+"""Number of subdivisions of a pixel along x and along y, with which the share of the pixel that a
+target covers is computed.
 """
 
 
@@ -36,7 +36,7 @@ class MatchedWindow:
     target_m
         Width and length of the target.
     shape, pitch_m
-        Rows and columns of the images; size of a pixel along x and y.
+        Number of rows and of columns of the images, and size of a pixel along x and y.
     """
 
     def __init__(
@@ -108,8 +108,8 @@ def _covered(side: float) -> Floats:
 
 
 def peaks(output: Floats, pitch_m: tuple[float, float]) -> Floats:
-    """Values of the local maxima, in decreasing order.  Each is the largest value within about one
-    metre.
+    """Values of the local maxima, in decreasing order. A local maximum is the largest value within
+    about one metre.
     """
     from scipy.ndimage import maximum_filter
 

@@ -44,12 +44,14 @@ SAMPLED_CELLS = 1_000_000
 """Total number of cells in the windows from which the near lags of a larger slice are computed."""
 
 BLOCKS, LEAST_BLOCK, MOST_BLOCK = 256, 8, 16
-"""Approximate number of blocks along the longer side of a larger slice.  Smallest and largest
-number of cells along a block.
+"""Approximate number of blocks along the longer side of a larger slice, and the smallest and the
+largest number of cells along a block.
 """
 
 NEAR_BLOCKS = 4
-"""Lags that are shorter than this number of blocks are computed from single cells."""
+"""Correlations at lags that are shorter than this number of blocks are computed from
+single cells.
+"""
 
 WINDOW_BLOCKS = 32
 """Side, in blocks, of the windows from which near lags are computed."""
@@ -103,7 +105,7 @@ def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
     from aosplan.scenes.hidden_counts import popcount
     from aosplan.scenes.sampled_targets import occlusion_of
 
-    altitude_m = 2.0 * volume.canopy_top_m + 1.0  # the result does not depend on the altitude
+    altitude_m = 2.0 * volume.canopy_top_m + 1.0  # The result does not depend on the altitude.
     occlusion = occlusion_of(volume, altitude_m)
     turns = np.arange(VIEWS_AN_ANGLE) * (2.0 * np.pi / VIEWS_AN_ANGLE)
     unit = np.column_stack([np.sin(turns), np.cos(turns)])
@@ -115,11 +117,12 @@ def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
 
 
 def thin_rim(volume: VoxelVolume) -> tuple[float, float] | None:
-    """p of vertical rays along the rim of a plot and in its middle; None if the rim is not thinner.
+    """p of vertical rays along the rim of a plot, and in its middle; None if the rim is not less
+    dense than the middle.
 
-    The rim is thinner if the difference of p is larger than `THIN_RIM` and larger than its standard
-    error.  The rim is `RIM_M` wide; on a small plot, it is an eighth of the plot wide.  A plot that
-    was clipped out of a cloud often lacks crowns of trees whose stems are outside of it.
+    The rim is less dense if the difference of p is larger than `THIN_RIM` and larger than its
+    standard error. The width of the rim is `RIM_M`, or an eighth of the width of a small plot. A
+    plot that was clipped out of a cloud often lacks crowns of trees whose stems are outside of it.
     """
     hidden = volume.hidden_columns
     rows, columns = hidden.shape
@@ -132,8 +135,8 @@ def thin_rim(volume: VoxelVolume) -> tuple[float, float] | None:
     step = -(-max(rows, columns) // RIM_CELLS)
     part = hidden[::step, ::step]
     clump = step * math.sqrt(correlation_range(part - part.mean())[0])
-    # If the rim is narrower than a clump, the number of its clumps is its length divided by their
-    # size.
+    # If the rim is narrower than a clump, the number of clumps in it is its length divided by the
+    # size of a clump.
     shares = clump**2 / middle.size + clump * min(clump, width) / (hidden.size - middle.size)
     p = volume.column_occupancy
     error = math.sqrt(p * (1.0 - p) * shares)
@@ -143,11 +146,10 @@ def thin_rim(volume: VoxelVolume) -> tuple[float, float] | None:
 def integral_range(mask: NDArray[np.bool_]) -> float:
     """Integral range of a periodic mask, in cells.
 
-    The correlation is averaged over rings of lags that are one cell wide, and summed from lag 0 to
-    the first ring whose mean is not positive, at most to half the shorter side.  Correlations at
-    larger lags are noise.  The sum cannot go over all lags, because that sum is 0 by definition.
-    The result is 1 for independent cells and k for blocks of k x k cells, each a few per cent too
-    large.
+    The correlation is averaged over rings of lags that are one cell wide. The rings are summed from
+    lag 0 to the first ring whose mean is not positive, but at most to half of the shorter side.
+    Correlations at larger lags are noise, and the sum over all lags is always 0. The result is 1
+    for independent cells, and k for blocks of k x k cells; both are a few per cent too large.
 
     Parameters
     ----------
@@ -165,18 +167,21 @@ def integral_range(mask: NDArray[np.bool_]) -> float:
         return float(min(mask.shape))
     if mask.size > FEW_CELLS and min(mask.shape) >= WINDOW_BLOCKS * MOST_BLOCK:
         return _sampled_range(mask, density)
-    from scipy import fft  # For the many slices of a stand, this is twice as fast as numpy.fft.
+    # It is twice as fast as numpy.fft, which matters for the many slices of a stand.
+    from scipy import fft
 
     area, _ = correlation_range(mask.astype(np.float32) - np.float32(density), fft)
     return float(np.sqrt(area))
 
 
 def _sampled_range(mask: NDArray[np.bool_], density: float) -> float:
-    """Integral range of a large mask: near lags from windows, far lags from the means of blocks.
+    """Integral range of a large mask. Near lags are computed from windows, and far lags from the
+    means of blocks.
 
     At small lags, the correlations are computed from pairs of cells within windows that are spread
-    over the mask, on the same rings as in `integral_range`.  At larger lags the correlation is
-    smooth.  The correlation of two blocks therefore represents that of all pairs of their cells.
+    over the mask, on the same rings as in `integral_range`. At larger lags, the correlation is
+    smooth. The correlation of two blocks is therefore used instead of the correlations of their
+    cells.
     """
     block = LEAST_BLOCK if max(mask.shape) < 2 * LEAST_BLOCK * BLOCKS else MOST_BLOCK
     near = block * NEAR_BLOCKS - block // 2
@@ -209,7 +214,7 @@ def near_rings(
 
     rows, columns = mask.shape
     count = max(SAMPLED_CELLS // side**2, 1)
-    # If a plot has more columns than rows, it gets more windows along its rows.
+    # A plot with more columns than rows has more windows along its rows.
     across = min(max(round(np.sqrt(count * columns / rows)), 1), columns // side)
     down = min(max(round(count / across), 1), rows // side)
     size = fft.next_fast_len(side + near, real=True)
@@ -244,7 +249,7 @@ def block_sums(mask: NDArray[np.bool_], block: int) -> NDArray[np.float32]:
 
 def correlation_range(field: NDArray[np.floating], fft: Any = np.fft) -> tuple[float, int]:
     """Integral of the correlation of a periodic field of mean 0, in cells, and the number of lags
-    in it.
+    that the integral includes.
 
     The lags are limited as in `integral_range`.  For a mask, the integral is the square of the
     integral range.

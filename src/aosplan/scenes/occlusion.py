@@ -13,9 +13,9 @@ side.
 - *perspective*: t (1 - H/h) + C H/h, relative to the plot's centre, where C is the position of the
   camera.  All targets have the same aperture.
 
-**Cells.**  In a slice of cubes, a ray meets the cell at its bottom and the cell at its top. If these cells differ along both axes, the ray also meets one of the two cells between them. It is the neighbour of the first cell along the axis on which the view is more oblique (in perspective: along x). The number of cells is correct if a ray crosses at most one cell per slice and axis. The choice between the two cells makes no difference on average.
+**Cells.**  In a slice of cubes, a ray meets the cell at its bottom and the cell at its top. If these cells differ along both axes, the ray also meets one of the two cells between them. It is the neighbour of the first cell along the axis on which the view is more oblique (in perspective: along x). This number of cells is correct if a ray crosses at most one face between cells per slice and axis. The choice between the two cells makes no difference on average.
 
-**Plates.**  The cells of a volume from laser pulses are plates. A ray at the angle θ meets the cell at the middle of each slice. In a share sec θ - 1 of the slices, it also meets a neighbouring cell, so that the optical depth increases with the length of the path. In perspective, the sum of the shares of both axes is used instead. It is larger than sec θ - 1 by about the product of the two shares.
+**Plates.**  The cells of a volume from laser pulses are plates. A ray at the angle θ meets the cell at the middle of each slice. In a share sec θ - 1 of the slices, it also meets a neighbouring cell. The optical depth therefore increases with the length of the path. In perspective, the sum of the shares of both axes is used instead. It is larger than sec θ - 1 by about the product of the two shares.
 
 **Telecentric views are shifts.** At the height H, the rays of all targets are shifted by the same
 vector c H/h, which is rounded to whole targets.  A view is then the bitwise OR of shifted slices,
@@ -74,7 +74,7 @@ OCTETS_AT_ONCE = 1 << 24
 """Memory for all views that share a prepared slice [bytes]."""
 
 OCTETS_IN_CACHE = 1 << 20
-"""Memory for views that share slices which are kept; it fits into the cache of a processor [bytes]."""
+"""Memory for views that share stored slices [bytes].  It fits into the cache of a processor."""
 
 OCTETS_KEPT = 1 << 27
 """Memory for slices that later views may reuse [bytes]."""
@@ -107,7 +107,7 @@ class _Tiles(NamedTuple):
         return self.rows + self.spans[1]
 
     def hold(self, row: int, rows: int, steps: NDArray[np.intp]) -> bool:
-        """Whether these tiles were prepared for a band and cover given shifts."""
+        """Whether these tiles were prepared for a band and contain the given shifts."""
         beyond = steps - self.lows[:, np.newaxis, np.newaxis]
         inside = bool((beyond >= 0).all() and (beyond <= self.spans).all())
         return inside and (row, rows) == (self.row, self.rows)
@@ -343,11 +343,11 @@ class Occlusion:
         return _Tiles(row, rows, lows, (span_x, span_y), octets, [{} for _ in lows])
 
     def _tile(self, tiles: _Tiles, level: int) -> Octets:
-        """Targets of a slice, flat, from the lowest shift of its views on."""
+        """Flat array of the targets of a slice, from the lowest shift of the views on."""
         low_x, low_y = tiles.lows[level].tolist()
         rows, columns = self._plot
         first = (low_x + self._window.column) % columns // 8
-        # The columns of a tile begin anywhere in the plot and go on beyond it.
+        # The columns of a tile may begin anywhere in the plot and extend beyond its end.
         octets = self._octets(level, columns // 8 + self._width + columns // 8 + 2)
         y = (low_y + tiles.row) % rows + np.arange(tiles.stride)
         voxels = y // self._per_voxel
@@ -359,7 +359,7 @@ class Occlusion:
         return near.ravel()
 
     def _octets(self, level: int, count: int) -> Octets:
-        """A packed slice of so many octets, which is kept if the volume is not too large."""
+        """A packed slice of `count` octets.  It is stored if the volume is not too large."""
         found = self._packed.get(level)
         if found is None:
             found = packed(self._occupied[level], self._per_voxel, count)
@@ -447,21 +447,21 @@ class Occlusion:
         Parameters
         ----------
         merged
-            Slices that are merged to one, for each of the results.
+            For each result, the slices that are merged into one.
         lines
-            Rows of targets.
+            Rows of targets that rays meet.
         """
         along = self._plot[0] // self._per_voxel
         lines = [line // self._per_voxel % along for line in lines]
         if 2 * self.rows >= self._plot[0]:
             return [self._from_each_column(levels) for levels in merged], lines
-        # Most rows of the plot are not met.
+        # Most rows of the plot are not needed, because no ray meets them.
         met, places = np.unique(np.stack(lines), return_inverse=True)
         octets = [from_each_column(self._merged(levels)[:, met]) for levels in merged]
         return octets, list(places.reshape(len(lines), *lines[0].shape))
 
     def _from_each_column(self, levels: tuple[int, ...]) -> Octets:
-        """Octets from each column of merged slices, which are kept if the volume is not too large."""
+        """Octets from each column of merged slices.  They are stored if the volume is not too large."""
         found = self._from_each.get(levels)
         if found is None:
             found = from_each_column(self._merged(levels))
@@ -470,7 +470,7 @@ class Occlusion:
         return found
 
     def _merged(self, levels: tuple[int, ...]) -> Octets:
-        """Slices that are packed and merged to one."""
+        """Slices that are packed and merged into one."""
         count = self._plot[1] // 8 + 2
         octets = self._octets(levels[0], count)
         for level in levels[1:]:
@@ -489,12 +489,12 @@ def checked_positions(positions_m: ArrayLike) -> NDArray[np.float64]:
 
 
 def _parts(levels: NDArray[np.intp], *axes: Axis) -> Iterator[NDArray[np.intp]]:
-    """Levels, as many at once as there is memory for the positions of rays in them."""
+    """Yield levels in groups.  The positions of the rays in a group fit into memory."""
     step = max(POSITIONS_AT_ONCE // max(axis.size for axis in axes), 1)
     for start in range(0, len(levels), step):
         yield levels[start : start + step]
 
 
 def _seconds(axis: Axis, levels: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Number of cells from the first cell that rays meet in slices of plates to the second one."""
+    """Number of cells between the first and the second cell that a ray meets in a slice of plates."""
     return plates.seconds(axis.slant, axis.slope, axis.plot, levels).astype(np.intp)

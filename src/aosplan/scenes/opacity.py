@@ -1,4 +1,4 @@
-"""Record of the method by which the opacity of a stand was found, with statistics of its laser
+"""Record of the method by which the opacity of a stand was found, with statistics of the laser
 pulses.
 """
 
@@ -17,7 +17,7 @@ COUNTS = ("pulses", "lines", "seed")
 
 
 class Opacity(NamedTuple):
-    """How the opacity of a volume was found.
+    """The method by which the opacity of a volume was found.
 
     Attributes
     ----------
@@ -26,10 +26,10 @@ class Opacity(NamedTuple):
     reason
         Why the pulses were not used; empty if they were used or not requested.
     gap_first, gap_weighted, gap_last
-        Share of the pulses' energy that reaches the ground, for three assumptions.  `gap_first`:
-        the first return of each pulse has all its energy.  `gap_weighted`: the returns have the
-        energies that were used for the fit.  `gap_last`: the last return of each pulse has all its
-        energy.  None without pulses.
+        Share of the energy of the pulses that reaches the ground, for three assumptions.
+        `gap_first`: the first return of each pulse has all the energy of the pulse. `gap_weighted`:
+        the returns have the energies that were used for the fit. `gap_last`: the last return has
+        all the energy. They are None without pulses.
     energy
         Energies of the returns: ``intensity`` (calibrated) or ``equal`` (1/n each).
     zenith_deg
@@ -37,15 +37,15 @@ class Opacity(NamedTuple):
         extrapolations.
     sampled_share
         Share of the voxels between the cut and the canopy top that at least one pulse crossed.
-        Telecentric views cover every slice evenly.  This is therefore also the share of the path of
-        a plan's rays that is in such voxels.
+        Telecentric views cover every slice evenly. The value is therefore also the share of the
+        path of a plan's rays that is inside such voxels.
     pulses, lines
         Number of pulses and of flight lines that were used.
     voxel_m, leaf_size_m
         Edge length of the voxels that have an attenuation, and edge length of the opaque cells that
         represent it.
     scale
-        Scale factor of the attenuation, from cross-fitting.
+        Scale factor of the attenuation, found by cross-fitting.
     scale_first, scale_last
         Scale factors that reproduce `gap_first` and `gap_last`.
     shrinkage

@@ -1,15 +1,15 @@
 """Columns of targets below a slice, packed eight to an octet.
 
-Bit i of an octet represents the i-th of eight neighbouring columns of targets.  It is set if the
-target in this column is below an occupied voxel.  A packed slice has the octets of every eighth
+Bit i of an octet represents the i-th of eight neighbouring columns of targets. The bit is set if
+this column is below an occupied voxel. A packed slice has the octets that begin at every eighth
 column, from column 0 on.
 
-Rays to one camera converge, so that eight neighbouring targets meet at most eight neighbouring
-columns.  Each target meets the same column as the target before it, or the next column.  Let x be
-the column that target 0 meets, and let k be the number of targets from 1 to i that meet the same
-column as the target before them.  Target i then meets column x + i - k.  This is bit i of the octet
-from column x - k on.  The result for eight targets is therefore an OR of a few octets of the slice.
-From each octet, only the bits of the targets with the same k are used.
+Rays to one camera converge. Eight neighbouring targets therefore meet at most eight neighbouring
+columns. Each target meets the same column as the target before it, or the next column. Let x be the
+column that target 0 meets, and let k be the number of targets from 1 to i that meet the same column
+as the target before them. Target i then meets column x + i - k. This is bit i of the octet from
+column x - k on. The result for eight targets is therefore a bitwise OR of a few octets of the
+slice. From each of these octets, only the bits of the targets with the same k are used.
 """
 
 from __future__ import annotations
@@ -48,11 +48,12 @@ def packed(plane: NDArray[np.bool_], per_voxel: int, octets: int) -> Octets:
 
 
 def advanced(octets: Octets, bit: int, following: Octets) -> Octets:
-    """Octets that begin 1 to 7 columns later.  `following` are the octets that begin eight columns
-    later.
+    """Octets that begin `bit` columns later, from 1 to 7. `following` are the octets that begin
+    eight columns later.
     """
     moved = octets >> np.uint8(bit)
-    # A multiplication is as fast as the other operations on octets; a shift to the left is slower.
+    # A multiplication is used, because a shift of octets to the left is slower than other
+    # operations on octets.
     moved |= following * np.uint8(1 << (8 - bit))
     return moved
 
@@ -75,9 +76,9 @@ class MetColumns(NamedTuple):
     columns
         Shape (choices, slices, cameras, width): columns from which octets are taken.
     bits
-        Shape (choices, slices, cameras, width, 1): the bits of these octets that count.
+        Shape (choices, slices, cameras, width, 1): the bits of these octets that are used.
     needed
-        For each slice and camera, the choices that have bits that count.
+        For each slice and camera, the choices of which at least one bit is used.
     """
 
     columns: NDArray[np.intp]
@@ -88,14 +89,13 @@ class MetColumns(NamedTuple):
     def of(
         cls, met: NDArray[np.intp], plot: int, beside: NDArray[np.intp] | None = None
     ) -> MetColumns:
-        """The columns that targets meet, including the second columns of targets that meet two
-        neighbouring columns.
+        """Find the columns that targets meet. A target may meet two neighbouring columns.
 
         Parameters
         ----------
         met
-            Shape (slices, cameras, 8 * width): column that each target meets, which is that of the
-            target before or the next one.
+            Shape (slices, cameras, 8 * width): column that each target meets. It is the column of
+            the target before it, or the next column.
         plot
             Number of columns of targets of the periodic plot.
         beside
@@ -119,7 +119,7 @@ class MetColumns(NamedTuple):
         return cls(np.stack(columns) % plot, found[..., np.newaxis], needed)
 
     def hidden(self, octets: Octets, level: int) -> list[Octets]:
-        """Mask of the targets that a slice hides, for each camera, shape (width, rows).
+        """Mask of the targets that a slice hides from each camera, shape (width, rows).
 
         Parameters
         ----------

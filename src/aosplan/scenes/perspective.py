@@ -58,8 +58,8 @@ class Axis(NamedTuple):
         return self.camera[:, 0] / self.altitude
 
     def met(self, heights: Floats) -> NDArray[np.intp]:
-        """Columns of targets above which the rays are at the given heights, shape (heights,
-        cameras, count).
+        """Columns of targets above which the rays are when they reach the given heights, shape
+        (heights, cameras, count).
 
         Parameters
         ----------
@@ -69,8 +69,8 @@ class Axis(NamedTuple):
         Returns
         -------
         ndarray
-            Columns count from 0 within the plot.  Beyond its ends, they are negative or at least
-            `plot`.
+            Numbers of columns. On the plot, they are from 0 to ``plot - 1``. Beyond its ends, they
+            are negative or at least `plot`.
         """
         height = heights[:, np.newaxis, np.newaxis]
         place = self.target * (1.0 - height) + (self.camera * height + 0.5 * self.plot)

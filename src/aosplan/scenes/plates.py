@@ -1,10 +1,10 @@
 """The cells that rays meet in slices of plates.
 
-A ray meets the cell at the middle of each slice.  Within a slice, the path of a ray at the angle θ
-is sec θ times as long as that of a vertical ray.  To make its optical depth increase by the same
-factor, the ray also meets a neighbouring cell in a share sec θ - 1 of the slices.  Cells are drawn
-independently of each other, so that a neighbouring cell is equivalent to a new random cell.  The
-choice of slices differs between views and is evenly distributed over the slices.
+A ray meets the cell at the middle of each slice. Within a slice, the path of a ray at the angle θ
+is sec θ times as long as that of a vertical ray. The optical depth has to increase by the same
+factor. In a share sec θ - 1 of the slices, the ray therefore also meets a neighbouring cell. Cells
+are drawn independently of each other, so a neighbouring cell is equivalent to a new random cell.
+The slices with two cells are evenly distributed, and differ between views.
 """
 
 from __future__ import annotations
@@ -31,15 +31,13 @@ def shifts(offsets: Floats, slope: Floats, middle: Floats, per_cell: int) -> NDA
     Parameters
     ----------
     offsets
-        Shape (N, 2):
-    offsets
-        of the cameras from their targets, in targets.
+        Shape (N, 2): offsets of the cameras from their targets, in targets.
     slope
         Shape (N, 2): offsets divided by the altitude, which is tan θ along x and y.
     middle
         Shape (slices,): middle height of each slice divided by the altitude.
     per_cell
-        Targets along each side of a cell.
+        Number of targets along each side of a cell.
 
     Returns
     -------
@@ -58,7 +56,7 @@ def shifts(offsets: Floats, slope: Floats, middle: Floats, per_cell: int) -> NDA
 
 
 def seconds(slant: Floats, slope: Floats, across: int, levels: NDArray[np.intp]) -> Sides:
-    """Cells that perspective rays meet beside the first one of a slice, along one axis.
+    """The second cell, along one axis, that perspective rays meet in some slices.
 
     Parameters
     ----------
@@ -74,8 +72,8 @@ def seconds(slant: Floats, slope: Floats, across: int, levels: NDArray[np.intp])
     Returns
     -------
     ndarray
-        Shape (slices, cameras, count): 0 for rays that meet one cell, otherwise 1 or -1, the
-        direction of the camera, in which the second cell is.
+        Shape (slices, cameras, count): 0 for rays that meet one cell. For other rays, 1 or -1: the
+        second cell is beside the first cell, in the direction of the camera.
     """
     more = np.sqrt(1.0 + slant * slant) - 1.0
     phase = _phase(np.column_stack([slope, np.full(len(slope), across)]))[:, np.newaxis]

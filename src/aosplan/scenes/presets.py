@@ -5,7 +5,7 @@ size.  Real stands are not uniform, so a preset is a starting point for a plan a
 for a place.  Each preset names its published values (``source``) and its assumed values
 (``assumed``).
 
-Unless a preset says otherwise, its numbers were chosen as follows:
+The numbers of a preset were chosen as follows, unless its texts say otherwise:
 
 - ``integrated_density`` is one minus the gap fraction of vertical rays (:func:`gap_fraction`).  It
   is computed from a published leaf area index (one-sided; half of the total surface for needles; m²
@@ -15,8 +15,8 @@ Unless a preset says otherwise, its numbers were chosen as follows:
   It is a mean height of the crown base, or is fitted to a measured profile of leaves above 2 m.
   Dead branches, young trees and shrubs below this height are not included.  If they matter, use a
   lower value.
-- ``occluder_size_m`` is always assumed, because it is not published.  Baselines are proportional to
-  it.
+- ``occluder_size_m`` is always assumed, because it is not published. Baselines are proportional to
+  the occluder size.
 """
 
 from __future__ import annotations

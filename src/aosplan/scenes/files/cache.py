@@ -1,4 +1,4 @@
-"""Cache of point clouds that were read before: their voxels, in the user's cache folder.
+"""Cache of the voxels of point clouds that were read before, in the user's cache folder.
 
 An entry is a voxel file (`aosplan.scenes.files.voxel_file`).  The name of an entry is a checksum of
 everything that determines its content: the options of the reader, the version of aosplan, and for
@@ -31,16 +31,16 @@ if TYPE_CHECKING:
 VARIABLE = "AOSPLAN_CACHE"
 
 READING = 5
-"""Version of the reader.  Increase it whenever the reader produces other voxels from the same
-cloud.
+"""Version of the reader. Increase it when the reader produces other voxels from the same cloud than
+before.
 """
 
 MOST_OCTETS = 512 * 1024 * 1024
 """Largest total size of all entries [bytes]."""
 
 SAMPLES, SAMPLE_OCTETS = 16, 1 << 16
-"""Number and size [bytes] of the samples that distinguish a file from another file with the same
-name.
+"""Number and size [bytes] of the samples of a file that are part of its checksum. They distinguish
+files with the same name.
 """
 
 LARGEST_SHARE = 8
@@ -61,7 +61,7 @@ def cached_stand(
     files
         The files of one cloud.
     reading
-        The options with which it is read.
+        The options with which the cloud is read.
     read
         Function that reads the cloud.
 
@@ -103,7 +103,7 @@ def _own_content(path: str) -> bytes:
     """Content of an entry.  Raises OSError if the entry is not a regular file that belongs to the
     user.
     """
-    # With these flags, `open` does not follow a link and does not wait for the writer of a pipe.
+    # With these flags, `open` neither follows a link nor waits for the writer of a pipe.
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     with open(os.open(path, flags | getattr(os, "O_BINARY", 0)), "rb") as file:
         status = os.fstat(file.fileno())
@@ -137,7 +137,7 @@ def _entry(files: Sequence[str], reading: Mapping[str, Any]) -> str | None:
 def sampled_checksum(path: str, size: int) -> str:
     """Checksum of the head, the tail and samples of a file, or of a whole file if it is small.
 
-    Size and time alone are not enough, because a different file may have the same size and time.
+    The checksum is needed because a different file may have the same size and time.
     """
     import hashlib
 
@@ -171,8 +171,8 @@ def _keep(path: str, content: bytes) -> None:
 
 
 def _drop_oldest(place: str) -> None:
-    """Delete the least recently used entries until the total size of the others is within the
-    limit.
+    """Delete the least recently used entries until the total size of the remaining entries is
+    within the limit.
     """
     entries = sorted(_entries(place), reverse=True)
     total = 0

@@ -1,10 +1,10 @@
 """Conversion of canopy height rasters (GeoTIFF) to a `VoxelVolume`, with an assumption about
 crowns.
 
-A raster contains the height of the canopy, but no information about the space below.  It is assumed
-that leaves fill the space from `crown_base` times the canopy height to the canopy height, wherever
-this height is at least `min_height_m`.  Gaps within crowns are not modelled, so the stand is denser
-than in reality.  Stems and undergrowth are missing.
+A raster contains the height of the canopy, but no information about the space below. It is assumed
+that leaves fill the space from `crown_base` times the canopy height up to the canopy height, if
+this height is at least `min_height_m`. Gaps within crowns are not modelled, so the stand is denser
+than in reality. Stems and undergrowth are missing.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 EXTRA = "raster"
 CROWN_BASE = 0.5
 HIGHEST_M = 130.0
-"""Height of the tallest trees on earth.  If a raster has larger values, they are elevations or are
+"""Height of the tallest trees on earth. Larger values in a raster are elevations, or are
 in feet.
 """
 
@@ -150,8 +150,8 @@ def _volume(
         )
     if not fits((*size_m, 0.0), edge_m):
         raise too_many_voxels((*size_m, HIGHEST_M), edge_m, f"raster {path}")
-    # The rows of the volume are numbered from south to north, but those of most rasters from north
-    # to south.
+    # The rows of the volume are numbered from south to north, but the rows of most rasters are
+    # numbered from north to south.
     columns, rows = (max(math.floor(length / edge_m + FACE), 1) for length in size_m)
     column = _cells(columns, edge_m / cell_m[0], raster.width, backwards=place.a < 0.0)
     row = _cells(rows, edge_m / cell_m[1], raster.height, backwards=place.e < 0.0)
@@ -256,9 +256,7 @@ def _metres(
 
 
 def _without_data(tops: Floats, nodata: float | None, up_m: float) -> list[tuple[str, str]]:
-    """Replace impossible heights by nan, because they mark cells without data, and return a
-    warning.
-    """
+    """Replace impossible heights, which mark cells without data, by nan. Returns a warning."""
     strange = tops < LOWEST_M
     if not strange.any():
         return []

@@ -45,7 +45,8 @@ def correlogram_table(table: Correlogram) -> dict[str, Any]:
 def density_by_angle(table: Correlogram) -> list[list[float]]:
     """Pairs of an angle off nadir [deg] and the density p at that angle, averaged over directions."""
     angles = np.degrees(np.arctan(table.lags)).tolist()
-    # The values are rounded as in files, so that they agree with a file that was read.
+    # The values are rounded as in files. They are then the same before the file is written and
+    # after it is read.
     kept = np.round(table.density_by_offset, DIGITS)
     densities = np.round(kept.mean(axis=0), DIGITS).tolist()
     return [[0.0, table.density], *map(list, zip(angles, densities, strict=True))]

@@ -30,12 +30,14 @@ WGS84 = "EPSG:4326"
 GLOBE_DEG = (180.0, 90.0, 180.0, 90.0)
 
 NEARBY = 10_000.0
-"""Bounds in the range of degrees are read as coordinates of the cloud if no coordinate of its first
-point exceeds this.
+"""Bounds may be degrees or coordinates of the cloud. They are read as coordinates of the cloud if
+no coordinate of its first point exceeds this.
 """
 
 NARROWEST_M = 50.0
-"""If the overlap with a plan is narrower than this, the whole cloud is used."""
+"""If the overlap between the cloud and the surroundings of a plan is narrower than this, the whole
+cloud is used.
+"""
 
 
 @dataclass(frozen=True)
@@ -45,15 +47,15 @@ class Crop:
     Parameters
     ----------
     bounds
-        West, south, east and north, or smallest x and y and largest x and y.
+        West, south, east and north; or smallest x, smallest y, largest x and largest y.
     frame
         ``degrees``: longitudes and latitudes of WGS 84.  ``either``: coordinates of the cloud, or
         degrees if the numbers cannot be coordinates of the cloud.
     margin_m
         Margin around the bounds.
     of_plan
-        Whether the bounds come from a plan and not from the user.  If such bounds overlap the
-        cloud, it is cropped with a warning; if they do not overlap it, the whole cloud is used.
+        Whether the bounds come from a plan and not from the user. If such bounds overlap the cloud,
+        the cloud is cropped, with a warning. If they do not overlap, the whole cloud is used.
     """
 
     bounds: tuple[float, float, float, float]
@@ -110,7 +112,7 @@ class CropBox(NamedTuple):
 
 
 def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> CropBox | None:
-    """The rectangle of a crop in the coordinates of some files; None if all of their points are
+    """The rectangle of a crop in the coordinates of some files; None if all points of the files are
     used.
 
     Raises

@@ -41,7 +41,7 @@ class _Cells:
 
     def __init__(self, size_m: Floats, most: int, least_edge_m: float = 0.0) -> None:
         width, depth = float(size_m[0]), float(size_m[1])
-        # The third bound limits the number of cells of a long and narrow strip.
+        # The third value limits the number of cells of a long and narrow plot.
         self.edge_m = max(
             least_edge_m, math.sqrt(width * depth / most), max(width, depth) / most, 1e-6
         )
@@ -105,15 +105,17 @@ def is_level_zero(low: Floats, size_m: Floats, zero_m: float) -> bool:
 def filtered(low: Floats, size_m: Floats) -> Floats:
     """The lowest points that are ground, shape (3, n), found by a cloth simulation filter.
 
-    A simulated cloth falls on the inverted cloud.  The points that the cloth touches are ground
-    (Zhang et al. 2016, Remote Sensing 8, 501).  A stiff or wide-meshed cloth does not follow a
-    slope.  The mean slope is therefore subtracted first, and the softest cloth is used.  On a slope
-    of 27 % with 10 points per m², this reduces the error of the ground by half, to 0.06 m.
+    A simulated cloth falls on the inverted cloud. The points that the cloth touches are ground
+    (Zhang et al. 2016, Remote Sensing 8, 501). A stiff or wide-meshed cloth does not follow a
+    slope. The mean slope is therefore subtracted first, and the softest cloth is used for the rest.
+    On a slope of 27 % with 10 points per m², this reduces the error of the ground by half, to 0.06
+    m.
     """
     from scipy.spatial import cKDTree
 
     cells = _Cells(size_m, MAX_FILTER_CELLS, FILTER_CELL_M)
-    # Above a large hole, the filter would search the whole cloth for each of its nodes.
+    # If the points have a large hole, the filter would search the whole cloth for each node above
+    # the hole.
     holes = cells.centres(np.setdiff1d(np.arange(cells.count), cells.holding(low)))
     patches = np.vstack([holes, low[2, cKDTree(low[:2].T).query(holes.T)[1]]])
     level = np.hstack([low, patches])
@@ -144,8 +146,9 @@ def slope(points: Floats) -> tuple[float, float]:
 
 
 def _cloth_filter() -> Any:
-    # The OpenMP threads of the filter synchronise at every step of the cloth, which takes seconds
-    # if another process uses a core. The library reads the number of threads when it is loaded.
+    # The filter is limited to one thread, because its OpenMP threads wait for each other at every
+    # step of the cloth. This takes seconds if another process uses a core. The library reads the
+    # number of threads when it is loaded.
     threads = os.environ.get("OMP_NUM_THREADS")
     os.environ["OMP_NUM_THREADS"] = "1"
     try:
@@ -191,7 +194,7 @@ def _triangulated(points: Floats, rows: int, columns: int, pitch_m: float) -> Fl
     try:
         triangles = Delaunay(points[:2].T).simplices
     except (QhullError, ValueError):
-        return raster  # Fewer than three points, or points on a line, have no triangle.
+        return raster  # Fewer than three points, or points on a line, do not form triangles.
     # Corner 0 of each triangle is its southernmost corner, and corner 2 is its northernmost.
     triangles = np.take_along_axis(triangles, np.argsort(points[1][triangles], axis=1), axis=1)
     x, y = points[0][triangles] / pitch_m, points[1][triangles] / pitch_m
@@ -225,7 +228,9 @@ def _triangulated(points: Floats, rows: int, columns: int, pitch_m: float) -> Fl
 
 
 def _steps(low: Floats, high: Floats, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The integers from 0 to count - 1 in each of many intervals, as pairs (interval, integer)."""
+    """Pairs (interval, integer) of all integers from 0 to count - 1 that are in each of many
+    intervals.
+    """
     first = np.maximum(np.ceil(low - 1e-9), 0.0).astype(np.intp)
     last = np.minimum(np.floor(high + 1e-9), count - 1.0).astype(np.intp)
     lengths = np.maximum(last - first + 1, 0)
@@ -235,7 +240,7 @@ def _steps(low: Floats, high: Floats, count: int) -> tuple[NDArray[np.intp], NDA
 
 
 def _crossing(x0: Floats, y0: Floats, x1: Floats, y1: Floats, row: NDArray[np.intp]) -> Floats:
-    """x at which edges from (x0, y0) up to (x1, y1) cross rows."""
+    """x coordinates at which edges, from (x0, y0) up to (x1, y1), cross rows."""
     rise = y1 - y0
     share = np.divide(row - y0, rise, out=np.zeros_like(rise), where=rise > 0.0)
     crossing: Floats = x0 + np.clip(share, 0.0, 1.0) * (x1 - x0)

@@ -1,5 +1,4 @@
-"""Reading of points from LAS and LAZ files in chunks, with errors that describe the fault of a
-file.
+"""Reading of points from LAS and LAZ files in chunks. Errors describe what is wrong with a file.
 
 The header is checked against the size of the file before laspy or its decoder uses it.  With a
 damaged header, laspy would try to read billions of records, or would crash because of a lack of
@@ -47,8 +46,8 @@ LAYERED_FORMAT = 6
 """Smallest number of a point format that is compressed in layers."""
 
 PROBED_POINTS = 100
-"""Number of points that are decoded beyond the last one.  From bytes that do not belong to points,
-the decoder gets a few points at most.
+"""Number of points that are decoded beyond the last point, to test whether there are more. If the
+bytes do not belong to points, the decoder returns a few points at most.
 """
 
 LARGEST_PROBED_CHUNK = 1_000_000
@@ -145,7 +144,7 @@ class PointFile:
         with _faults(self.name), open(self.name, "rb") as stream:
             for chunk in self._records(_reader(stream), stream):
                 raw = np.stack([chunk.array[axis] for axis in "XYZ"])
-                # The array is made contiguous, so that numpy compares many elements at once.
+                # The array is made contiguous. NumPy can then compare many elements at once.
                 kind = np.ascontiguousarray(chunk.classification)
                 yield raw, kind, np.asarray(chunk.withheld, dtype=np.bool_)
 
@@ -179,7 +178,7 @@ class PointFile:
         end = header.offset_to_point_data + self.count * header.point_format.size
         if os.fstat(stream.fileno()).st_size < end:
             raise ValueError("it ends before its last point")
-        header.point_count = self.count  # the file may contain more points than its header counts
+        header.point_count = self.count  # The file may contain more points than its header states.
         yield from reader.chunk_iterator(PLAIN_CHUNK_POINTS)
 
 
@@ -353,8 +352,8 @@ def _uncounted(
         more = before + chunks[-1][0] > count
     elif before >= count:
         more = True
-    # According to the table, all chunks have the same number of points, and the last one may be
-    # filled partly.
+    # According to the table, all chunks have the same number of points, but the last chunk may be
+    # only partly filled.
     else:
         length = chunks[-1][1]
         stream.seek(header.offset_to_point_data + 8 + sum(size for _, size in chunks[:-1]))

@@ -1,10 +1,10 @@
 """Coordinate reference systems of LAS and LAZ files, read from all records that may state them.
 
-A file has WKT or GeoTIFF keys.  They are in the variable length records before the points, or in
-the extended records after the points.  If both exist, the WKT bit of the header decides which
-applies (LAS 1.4 R15, 2.4 and 2.6.2).  With GeoTIFF keys, the unit of x and y is that of key 3076 or
-of the projected system, key 3072.  The unit of z is that of key 4099 or of the vertical system, key
-4096.
+A file has WKT or GeoTIFF keys. They are in the variable length records before the points, or in the
+extended records after the points. If both exist, the WKT bit of the header decides which applies
+(LAS 1.4 R15, 2.4 and 2.6.2). With GeoTIFF keys, the unit of x and y is stated by key 3076 or by the
+projected system (key 3072). The unit of z is stated by key 4099 or by the vertical system (key
+4096).
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ class Reference(NamedTuple):
     vertical
         Name of the system of z, if the file states it.
     unreadable
-        Text that continues a sentence after the name of the file and tells which part cannot be
-        read; empty if all of it can be read.
+        Text that continues a sentence after the name of the file. It tells which part of the
+        reference cannot be read, and is empty if everything can be read.
     warnings
         Codes, and sentences that continue after the name of the file.
     """
@@ -266,8 +266,8 @@ def _unit(keys: dict[int, tuple[int, int]], records: dict[int, bytes]) -> float 
 def _agreed(
     by_key: float | None, by_system: float | None, axes: str, keys: tuple[int, int], what: str
 ) -> float | None:
-    """A unit that may be stated twice: by the key of the unit and by the coordinate reference
-    system.
+    """The unit of some axes. It may be stated twice: by the key of the unit and by the coordinate
+    reference system.
 
     Raises
     ------

@@ -27,14 +27,14 @@ FEW = 0.001
 """Voxels above a gap are outliers if their share of all occupied voxels is at most this."""
 
 NARROW = 0.5
-"""Points are far beside a cloud if the cloud without them is shorter than this share of its whole
-length.
+"""Points are treated as far beside a cloud if the length of the cloud without them is less than
+this share of its length with them.
 """
 
 GROUND_STEP_M = 10.0
 STEEPEST = 2.0
-"""A ground point is suspect if it is far from its neighbours and the slope to them is steeper than
-this.
+"""A ground point is suspect if its height differs from that of its neighbours, and the slope to
+them is steeper than this.
 """
 
 NEIGHBOURS = 8

@@ -1,10 +1,10 @@
 """Conversion of point clouds (LAS and LAZ files of one stand) to a `VoxelVolume`.
 
-Noise (classes 7 and 18, withheld points) is removed.  The ground points are triangulated, and the
-ground is linear within the triangles.  Outside their hull, the ground has the height of the nearest
-ground point.  The height of the ground is computed at the corners of the voxel columns and
-interpolated bilinearly between them.  The height of a point is its z minus the z of this ground.  A
-voxel is occupied if it contains at least one point.
+Noise (classes 7 and 18, withheld points) is removed. The ground points are triangulated, and the
+ground is linear within the triangles. Outside the hull of the triangles, the ground has the height
+of the nearest ground point. The height of the ground is computed at the corners of the voxel
+columns and interpolated bilinearly between them. The height of a point is its z minus the z of this
+ground. A voxel is occupied if it contains at least one point.
 
 Each file is decoded once.  The coordinates are kept as integers in an anonymous temporary file
 until the ground is known.  They are then sorted into voxels block by block.  The required memory
@@ -58,7 +58,8 @@ GroundMethod = Literal["auto", "class", "filter", "normalized"]
 NOISE_CLASSES = (7, 18)
 GROUND_CLASS = 2
 
-# The mean of fifty points for each vertex of the ground is accurate enough; others are not used.
+# Additional ground points are not used, because the mean of fifty points for each vertex of the
+# ground is accurate enough.
 ENOUGH_GROUND_POINTS = 50 * MAX_VERTICES
 
 MAX_EXTENT_M = 100_000.0
@@ -69,20 +70,26 @@ MOST_PULSE_COLUMNS = 400_000
 """Largest number of voxel columns for a fit of pulses; larger plots get larger voxels."""
 
 LARGEST_PULSE_VOXEL_M = 0.5
-"""Largest voxel for a fit of pulses.  From 0.15 m to 0.5 m, V changed by at most 2.3 %."""
+"""Largest voxel for a fit of pulses. When voxels were enlarged from 0.15 m to 0.5 m, V changed by
+at most 2.3 %.
+"""
 
 DEFAULT_VOXEL_M = 0.25
 USUAL_VOXELS = 800_000_000
 """Approximate limit of the number of voxels on large plots if the user gives no voxel size."""
 
 USUAL_TOP_M = 45.0
-"""Greatest height of a stand that is assumed for this limit."""
+"""Height of a stand that is assumed for this limit."""
 
 LARGEST_VOXEL_M = 0.5
-"""Largest voxel size for this limit. On larger plots, the default is refused as too small."""
+"""Largest voxel size that is chosen for this limit. On larger plots, the usual default is kept, and
+is refused as too small.
+"""
 
 SPACINGS_ACROSS = 4.0
-"""Side of a square that contains 16 points on average, in mean distances between points."""
+"""Side of a square that contains 16 points on average, divided by the mean distance
+between points.
+"""
 
 
 def read_voxels(
@@ -106,8 +113,8 @@ def read_voxels(
     paths
         The files; several are read as one cloud.
     voxel_m
-        Edge length of a voxel.  If it is None, it is 0.25 m.  On plots of several hundred metres it
-        is larger, so that there are `USUAL_VOXELS` voxels, and there is a warning.
+        Edge length of a voxel. The default is 0.25 m. On plots of several hundred metres, a larger
+        default is chosen, which gives `USUAL_VOXELS` voxels, and there is a warning.
     ground
         ``class``: the points of class 2.  ``filter``: the points that a cloth simulation filter
         finds.  ``normalized``: z is already the height above the ground.  ``auto``: ``class`` if
@@ -123,14 +130,14 @@ def read_voxels(
         the laser pulses (`aosplan.scenes.pulses`) and represented by smaller cells.  ``auto``:
         ``pulses`` if the cloud has usable pulses, otherwise ``voxels`` with a warning.
     leaf_size_m
-        Edge of these smaller cells.  If it is None, it is 0.06 m, or more on large plots.
+        Edge length of these smaller cells. The default is 0.06 m, or more on large plots.
     trajectory
         CSV file with positions of the sensor (`aosplan.scenes.pulses.trajectory`); None to
         compute them from the pulses.
     crop
         Rectangle outside of which points are ignored; None to use all points.
     halves
-        Whether the volume also gets the voxels by either half of the pulses.  This needs opacity
+        Whether the volume also contains the voxels from each half of the pulses. This needs opacity
         from pulses.
     progress
         Function that is called with the work done and the total work, in points.  Each point counts

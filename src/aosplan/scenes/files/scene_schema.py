@@ -41,8 +41,8 @@ class CorrelogramDocument(Document):
 class SceneDocument(Document):
     """A scene file: one uniform volume, layers, or the numbers of an inventory.
 
-    The output of `aosplan scene --json` is also a scene file.  Values in it that follow from others
-    are not read.
+    The output of `aosplan scene --json` is also a scene file. Values that can be computed from
+    other values are not read.
     """
 
     name: str
@@ -62,7 +62,7 @@ class SceneDocument(Document):
     correlogram: CorrelogramDocument | None = None
     density_by_offset: list[list[Finite]] | None = None
 
-    # Statistics that the program prints; they are not read.
+    # The program prints these statistics, but does not read them.
     schema_: Any = Field(default=None, alias="schema")
     version: Any = None
     kind: Any = None

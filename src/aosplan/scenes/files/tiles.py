@@ -46,8 +46,7 @@ def _and_more(names: Sequence[str]) -> str:
 
 
 def brought_together(files: Sequence[PointFile], source: str) -> list[Warned]:
-    """Scale x and y of the files to true metres.  Before that, check that all files have the same
-    reference system.
+    """Check that all files have the same reference system, and scale their x and y to true metres.
 
     Returns
     -------
@@ -94,7 +93,7 @@ def brought_together(files: Sequence[PointFile], source: str) -> list[Warned]:
 
 
 def located(volume: VoxelVolume, files: Sequence[PointFile]) -> VoxelVolume:
-    """The volume of some files with the location of its middle, if the files have a location."""
+    """The volume with the location of its middle, if the files have a location."""
     file = next((file for file in files if file.reference.horizontal is not None), None)
     if file is None or file.reference.horizontal is None:
         return volume

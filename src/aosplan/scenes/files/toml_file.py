@@ -37,8 +37,8 @@ class SceneFile(NamedTuple):
     path: str
 
     def correlogram(self) -> Correlogram | None:
-        """The correlogram.  Its table is checked only here, so that models without a correlogram do
-        not spend time on the check.
+        """The correlogram. Its table is checked only here, because models without a correlogram
+        should not spend time on the check.
         """
         if self.table is None:
             return None
@@ -65,7 +65,7 @@ def read_scene_file(path: str) -> SceneFile:
 
 
 def is_sound(table: Table) -> bool:
-    """Whether a table certainly has the names and types of a scene file."""
+    """Whether the names and types in a table are certainly those of a valid scene file."""
     layers, correlogram = table.get("layers", []), table.get("correlogram", _NONE)
     return (
         isinstance(table.get("name"), str)
@@ -91,8 +91,8 @@ _NONE: dict[str, Any] = {"lags": [], "directions_deg": [], "rho": [], "reach": 0
 
 
 def _is_number(value: Any) -> bool:
-    # The types are compared exactly, because bool is a subclass of int. An int may be too large for
-    # a float.
+    # The types are compared exactly, because bool is a subclass of int. An int has to be checked,
+    # because it may be too large for a float.
     return (type(value) is float and math.isfinite(value)) or (
         type(value) is int and abs(value) < 2**53
     )
@@ -151,7 +151,7 @@ def _scene(table: Table, path: str) -> Scene:
 
 
 def _correlogram(table: Table) -> dict[str, Any] | None:
-    """The table of a correlogram, completed by densities that are elsewhere in the document."""
+    """The table of a correlogram, with densities that are elsewhere in the document added to it."""
     if "correlogram" not in table:
         return None
     beside = {"density": "integrated_density", "density_by_offset": "density_by_offset"}

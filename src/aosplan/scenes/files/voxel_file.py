@@ -1,10 +1,10 @@
 """Files that contain a stand in compressed form (``.npz``).  Plans can be made from them without
 the point cloud.
 
-The file is a zip archive of plain arrays.  It contains ``occupied`` (eight voxels per octet along
-x) and the numbers and texts of a `VoxelVolume`.  It also contains results that were computed from
-the volume: the layers, and possibly the correlogram.  It is read without pickle and written with
-constant dates, so that the same stand results in the same bytes.
+The file is a zip archive of plain arrays. It contains ``occupied`` (eight voxels per octet along x)
+and the numbers and texts of a `VoxelVolume`. It also contains results that were computed from the
+volume: the layers, and possibly the correlogram. It is read without pickle. It is written with
+constant dates, so the same stand gives the same bytes.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ BOUNDS = ("densest", "most_open")
 """Names of the two bounds of a volume from pulses."""
 
 HALVES = ("first_half", "first_half_dense", "second_half", "second_half_dense")
-"""Names of the volumes of either half of the pulses."""
+"""Names of the volumes from the two halves of the pulses."""
 
 MOST_OCTETS = MAX_VOXELS // 4
 """Largest size of a file, or of an array in it [bytes].  It is twice the size of the largest
@@ -44,11 +44,11 @@ volume, at eight voxels per octet.
 """
 
 PLAIN_OCTETS = 16 * 1024 * 1024
-"""Size that every file may have after unpacking [bytes], for any ratio of compression."""
+"""A file may have this size after unpacking [bytes], whatever its ratio of compression."""
 
 MOST_RATIO = 200
-"""Largest ratio between the sizes after and before unpacking, for larger files.  For voxels of
-trees the ratio is about ten.
+"""Larger files may have at most this ratio between the sizes after and before unpacking. For voxels
+of trees, the ratio is about ten.
 """
 
 DAMAGE = (

@@ -100,9 +100,7 @@ class Beams(NamedTuple):
     returns, pulses
         The returns, and the pulses that they form.
     energy
-        Shape (n,):
-    energy
-        of each return.
+        Shape (n,): energy of each return.
     low
         Shape (n,): whether a return is below the cut, so that it is treated as ground.
     to_sensor

@@ -156,9 +156,7 @@ def paths_to_hits(
     returns, pulses
         The pulses.
     energy
-        Shape (n,):
-    energy
-        of each return.
+        Shape (n,): energy of each return.
     to_sensor
         Shape (3, P): unit vectors from the pulses to the sensor.
     grid
