@@ -1,9 +1,9 @@
 """Parsing and printing of quantities: numbers and text become floats in metres, degrees, seconds.
 
 One of these functions parses every value that a user gives on the command line, in a file or in
-Python.  Units such as feet and knots are therefore converted everywhere.  The same mistake gets the
-same message everywhere: for example a percentage instead of a fraction, text instead of a number,
-or infinity.
+Python. Units such as feet and knots are therefore converted everywhere, and a mistake causes the
+same message everywhere. Examples of mistakes are a percentage instead of a fraction, text instead
+of a number, and infinity.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ def word(value: Any, name: str) -> str:
 
 
 def latitude_longitude(value: Any, name: str) -> tuple[float, float]:
-    """A place on earth: ``LAT,LON`` in degrees, or two numbers.
+    """A place on earth: the text ``LAT,LON`` in degrees, or two numbers.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def percent_hint(value: Any) -> str:
 
 
 def nearest_hint(name: str, known: Iterable[str]) -> str:
-    """The hint that names the most similar known name; empty if none is similar."""
+    """The hint with the most similar known name; empty if no known name is similar."""
     import difflib
 
     close = difflib.get_close_matches(name.lower()[:100], list(known), n=1, cutoff=0.5)
@@ -298,7 +298,7 @@ def shown(value: Any) -> str:
 def percent(value: float) -> str:
     """A share in per cent with one decimal.
 
-    A share just below 100 % gets more decimals, so that the text is not ``100 %``.
+    A share just below 100 % has more decimals. The text is therefore never ``100 %`` for it.
     """
     shown = 100.0 * value
     decimals = 1
@@ -308,7 +308,7 @@ def percent(value: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A duration in hours, minutes and seconds; leading units that are zero are left out."""
+    """A duration in hours, minutes and seconds. Leading units that are zero are left out."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     parts = ((hours, "h"), (minutes, "min"), (rest, "s"))

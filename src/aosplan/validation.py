@@ -1,5 +1,5 @@
-"""Validation of tables from files: types are strict, and an error message of one sentence names the
-fault.
+"""Validation of tables from files. Types are strict. The error message is one sentence that names
+what is wrong.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Text for XML, with special characters escaped so that a name is never read as markup."""
+"""Text for XML. Special characters are escaped, so a name is never read as markup."""
 
 from __future__ import annotations
 

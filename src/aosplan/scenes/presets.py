@@ -45,7 +45,7 @@ class ScenePreset(NamedTuple):
     volume_height_m
         Thickness of the volume; its top is at base plus thickness.
     source
-        Publications, each with the number taken from it.
+        Publications, each with the values that were taken from it.
     assumed
         The values that are not in a named source, and the reason for each value.
     """
@@ -109,9 +109,9 @@ def gap_fraction(
     return nan
 
 
-# The paper gives only ratios of the lengths of its forest. The ratio l/o follows from Eq. 1, p = 1
-# - (1 - D)^(l/o). Let H be the height above which 98 % of the occluders are. Occluders at H have d̂
-# = 1 at b = o h / H, so that H/o = h/b.
+# The paper gives only ratios of the lengths of its forest. The ratio l/o is computed from Eq. 1, p
+# = 1 - (1 - D)^(l/o). Let H be the height above which 98 % of the occluders are. Occluders at H
+# have d̂ = 1 at b = o h / H, so that H/o = h/b.
 _PAPER_DENSITY = 0.567
 _PAPER_DENSITY_PER_SLICE = 0.0095
 _PAPER_VOLUME_PER_OCCLUDER = log1p(-_PAPER_DENSITY) / log1p(-_PAPER_DENSITY_PER_SLICE)  # 87.69

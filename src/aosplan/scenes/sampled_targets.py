@@ -1,17 +1,20 @@
 """Occlusion of a sample of the targets of a large plot.
 
-Predictions need the share of targets that a view hides and the share that two views both hide.
-These shares are means over the targets of a plot.  A tile of 500 m has 64 million targets.  A
-sample of a million targets gives the same means to within 0.001.
+Predictions need the share of targets that are hidden in a view, and the share that are hidden in
+both of two views. These shares are means over the targets of a plot. A tile with sides of 500 m has
+64 million targets. The means over a sample of a million targets differ by less than 0.001.
 
-**Lattices.**  The sample consists of sixteen lattices.  Each has one target in every M-th voxel along
-both axes.  The lattices differ in the voxel at which they start and in the position of the target within its voxel. The position is one of 4 x 4, so that all parts of a voxel are represented equally. This matters for the targets that two views at a short distance both hide. M is odd, or 2, so that the period of the lattices does not match that of trees planted in rows.  Because neighbouring targets are correlated, lattices have a smaller
-error than randomly drawn targets.
+**Lattices.** The sample consists of sixteen lattices. Each has one target in every M-th voxel along
+both axes. The lattices differ in the voxel at which they start and in the position of the target
+within its voxel. The position is one of 4 x 4, so that all parts of a voxel are represented
+equally. This matters for the targets that two views at a short distance both hide. M is odd, or 2,
+so that the period of the lattices does not match that of trees planted in rows. Lattices have a
+smaller error than randomly drawn targets, because neighbouring targets are correlated.
 
-**Views are shifts**, as in `aosplan.scenes.occlusion`.  A lattice that is shifted by n voxels meets
-every M-th voxel, beginning with voxel n mod M.  Each slice is therefore sorted once into M x M
-lattices of voxels.  These lattices are packed eight voxels to an octet along y.  A view is then an
-OR of contiguous pieces of memory.
+**Views are shifts**, as in `aosplan.scenes.occlusion`. A lattice that is shifted by n voxels meets
+every M-th voxel, beginning with voxel n mod M. Each slice is therefore sorted once into M x M
+lattices of voxels. Along y, eight voxels of a lattice are packed into one octet. A view is then a
+bitwise OR of contiguous pieces of memory.
 """
 
 from __future__ import annotations
@@ -36,10 +39,12 @@ SAMPLE = 1_000_000
 """Smallest number of targets in a sample, if the plot has enough voxels."""
 
 FEW_TARGETS = 4 * SAMPLE
-"""Largest number of targets of a plot whose targets are all computed."""
+"""If a plot has at most this number of targets, all of them are computed."""
 
 ABREAST = 4
-"""Number of lattices along each side of the square in which they start."""
+"""The lattices start in a square of voxels. This is the number of lattices along each side of the
+square.
+"""
 
 LATTICES = ABREAST**2
 """Number of all lattices."""
@@ -63,8 +68,7 @@ class SampledOcclusion:
         _, rows, columns = volume.occupied.shape
         self._plot = rows, columns
         step = math.isqrt(max(LATTICES * rows * columns // sample, 1))
-        # If the step is 2, the lattices together contain all voxels, so that the step need not be
-        # odd.
+        # If the step is 2, it need not be odd, because the lattices together contain all voxels.
         self._step = step if step == 2 else step - 1 + step % 2
         row, column = np.divmod(np.arange(LATTICES), ABREAST)
         # For each lattice, along x and y: the position within a voxel [targets], and the first
@@ -188,7 +192,7 @@ class SampledOcclusion:
         hits = [one[:size] for one in hidden.reshape(views * LATTICES, -1)]
         shift, phase = np.divmod(places, self._step)
         octet, bit = np.divmod(shift[..., 1], 8)
-        # A single number for the tile and the bits by which it is moved.
+        # One number encodes the tile and the number of bits by which it is moved.
         tiles = (phase[..., 1] * self._step + phase[..., 0]) * 8 + bit
         keys = tiles * (octets * stride) + octet * stride + shift[..., 0]
         for level, plane in self._all.slices:
@@ -220,7 +224,8 @@ class SampledOcclusion:
         places += self._first[lattice]
         lows = places.min(axis=(1, 2, 3))
         places -= lows[:, np.newaxis, np.newaxis, np.newaxis]
-        places %= self._plot[::-1]  # Whole plots can be left out, because the plot is periodic.
+        # Shifts by whole plots can be left out, because the plot is periodic.
+        places %= self._plot[::-1]
         return places, lows, places.max(axis=(0, 1, 2, 3))
 
 
@@ -281,10 +286,10 @@ def occlusion_of(
     targets_per_voxel: int | None = None,
     focal_height_m: float = 0.0,
 ) -> Occlusion | SampledOcclusion:
-    """Views of all targets of a plot, or of a sample of them if the plot is large.
+    """Occlusion of all targets of a plot, or of a sample of the targets if the plot is large.
 
-    Perspective views cannot be computed as shifts.  On a large plot, they have fewer targets per
-    voxel instead of a sample.
+    Perspective views cannot be computed as shifts. On a large plot, they therefore have fewer
+    targets per voxel instead of a sample.
 
     The parameters are those of `Occlusion`.
     """

@@ -2,9 +2,9 @@
 
 A scene is either one volume with occluders of one kind (`UniformScene`, the model of the paper) or
 a stack of slices, each with its own height, density and occluder size (`LayeredScene`, for example
-from LiDAR).  Heights are above the ground.  `above` cuts a scene at a raised focal plane.  Both
-classes give the integrated density, the canopy top, and the slabs of occluders for the coverage
-rule (`aosplan.camera.disparity`).
+from LiDAR). Heights are above the ground. `above` returns the part of a scene above a raised focal
+plane. Both classes give the integrated density, the canopy top, and the slabs of occluders for the
+coverage rule (`aosplan.camera.disparity`).
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from aosplan.errors import RequestError
 from aosplan.scenes.density import density_of_part, integrated_density, transparency
 
 SMALLEST_M, LARGEST_M = 1e-9, 1e9
-"""Bounds of all lengths of a scene.  Within them, products of several lengths neither overflow nor
-become 0.
+"""Bounds of all lengths of a scene. Within these bounds, products of several lengths neither
+overflow nor become 0.
 """
 
 MOST_SLICES = 100_000
@@ -122,8 +122,8 @@ class UniformScene:
     def slices(self, most: int | None = None) -> tuple[Layer, ...]:
         """The volume as slices that are one occluder thick (Eq. 1).
 
-        There are l/o slices, rounded up, but at most `most`.  All slices have the same density.  It
-        is chosen so that the transparency of the volume does not change.
+        There are l/o slices, rounded up, but at most `most`. All slices have the same density, with
+        which the volume has the same transparency as before.
         """
         count = max(1, math.ceil(self.volume_height_m / self.occluder_size_m - 1e-9))
         if most is not None:
@@ -173,8 +173,8 @@ class LayeredScene:
     layers
         The slices, from bottom to top, without overlap.
     measured_density
-        Measured p, which is the column occupancy of a point cloud.  It is needed if the slices are
-        not independent.  If it is None, p is computed from the slices.
+        Measured p, which is the column occupancy of a point cloud. It is needed because the slices
+        of a stand are not independent. If it is None, p is computed from the slices.
     voxel_m
         Voxel size of the point cloud from which the layers were computed.  The coverage rule uses
         it as occluder size.  If it is None, the rule uses the occluder size of each layer.
@@ -270,8 +270,8 @@ class LayeredScene:
         """The part of the scene above a height, with heights relative to this height; None if there
         are no occluders above it.
 
-        If the height is inside a layer, the density of its upper part follows from the law of Beer
-        and Lambert.
+        If the height is inside a layer, the density of the upper part of the layer is computed by
+        the law of Beer and Lambert.
         """
         if height_m == 0.0:
             return self
@@ -283,8 +283,9 @@ class LayeredScene:
     def with_density_of(self, other: LayeredScene) -> LayeredScene:
         """These layers, with a measured density that is taken from other layers of the same stand.
 
-        The optical depth -ln(1 - p) of the measured density is scaled.  The factor is the ratio
-        between the optical depths of both stacks of layers, with independent slices.
+        The optical depth -ln(1 - p) of the other measured density is scaled. The factor is the
+        ratio of the optical depths of these layers and of the other layers, both computed with
+        independent slices.
         """
         measured, whole = other.measured_density, other.log_transparency
         if measured is not None and 0.0 < measured < 1.0 and whole < 0.0 and math.isfinite(whole):

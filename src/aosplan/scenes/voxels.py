@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from aosplan.scenes.opacity import Opacity
 
 MAX_VOXELS = 2_000_000_000
-# This limit is needed because the arrays of the ground take as much memory as a few dozen slices.
+# The limit of columns is needed because the arrays of the ground take as much memory as a few dozen
+# slices.
 MAX_COLUMNS = MAX_VOXELS // 100
 # Tolerance for rounding errors, in voxels. A point on the face between two voxels belongs to the
 # upper voxel.
@@ -37,14 +38,16 @@ cubes of 0.25 m.
 
 
 class HalfStand(NamedTuple):
-    """Occupied voxels by one half of the pulses.
+    """Occupied voxels, drawn from one half of the pulses.
 
     Attributes
     ----------
     measured
-        The voxels with the attenuation that was found, like those of the whole volume.
+        Voxels drawn from the attenuation that was found, in the same way as the voxels of the whole
+        volume.
     dense
-        The same, but with dense foliage wherever no pulse of either half has passed.
+        Voxels drawn in the same way, but with dense foliage wherever no pulse of either half has
+        passed.
     """
 
     measured: NDArray[np.bool_]
@@ -55,8 +58,8 @@ class HalfStand(NamedTuple):
 class VoxelVolume:
     """The occupied voxels above a plot.
 
-    The plot is periodic: beyond each edge, the opposite side of the plot continues.  Every target
-    therefore has a canopy for every ray.  A plot should be at least twice as wide as the horizontal
+    The plot is periodic: beyond each edge, it continues with the opposite side. All rays from every
+    target therefore cross a canopy. A plot should be at least twice as wide as the horizontal
     length of the most oblique ray in the canopy.
 
     Parameters
@@ -74,7 +77,7 @@ class VoxelVolume:
     points
         Number of points of the cloud that were used; 0 if the volume is not from a point cloud.
     ground
-        How the ground was found: ``class``, ``filter``, ``normalized`` or ``raster``.
+        Method by which the ground was found: ``class``, ``filter``, ``normalized`` or ``raster``.
     warnings
         Pairs of a code and a sentence for the user of the results.
     source
@@ -96,12 +99,12 @@ class VoxelVolume:
         or the last return has all of it.  These are the densest and the most open stand that are
         consistent with the pulses.
     halves
-        The stand by either random half of the pulses, so that what is chosen with one can be
-        judged with the other; None if they were not asked for.
+        The stand from each random half of the pulses. Positions that are chosen with one half are
+        predicted with the other half. None if the halves were not requested.
     place
         Latitude and longitude [deg] of the middle of the plot, if the source has a location.
     turn_deg
-        Direction of increasing rows there, clockwise from true north.
+        Direction of increasing rows at this place, clockwise from true north.
 
     Raises
     ------
@@ -147,7 +150,7 @@ class VoxelVolume:
             raise RequestError(f"{where}: the bounds do not have its shape")
 
     def of_voxels(self, occupied: NDArray[np.bool_]) -> VoxelVolume:
-        """A volume of other voxels, without bounds and halves."""
+        """The same volume with other voxels, and without bounds and halves."""
         return replace(self, occupied=occupied, bounds=None, halves=None)
 
     @property
@@ -252,7 +255,7 @@ def fill(
     for block in blocks:
         x, y, z = block + FACE
         # All operations are in place and use one type. A block therefore stays in the processor's
-        # cache, and numpy needs no buffers for conversions.
+        # cache, and NumPy does not need buffers for conversions.
         column, row = np.floor(x), np.floor(y)
         x -= column
         y -= row
@@ -276,8 +279,8 @@ def fill(
             continue
         slices = max(slices, int(level.max()) + 1)
         if slices * cells > MAX_VOXELS:
-            # No voxels are filled, but the other blocks are read: the error message below needs
-            # the height of the whole stand.
+            # From here on, no voxels are filled. The other blocks are only read because the error
+            # message below needs the height of the whole stand.
             continue
         if slices * cells > occupied.size:
             # Resizing in place does not copy the array, and the operating system provides new pages
@@ -294,17 +297,18 @@ def fill(
 def footprint(touched: NDArray[np.bool_], reach: int) -> float:
     """Share of a plot that its points cover, 0 to 1.
 
-    The plot is divided into squares of columns.  A square is covered if it contains a point, or if
-    squares with points enclose it (for example a pond).  The covered share of a square at the rim
-    is its number of columns with points, divided by the number in squares of the interior.
+    The plot is divided into squares of columns. A square is covered if it contains a point, or if
+    it is enclosed by squares with points (for example, above a pond). The covered share of a square
+    at the rim is its number of columns with points, divided by the number in squares of the
+    interior.
 
     Parameters
     ----------
     touched
         Shape (rows, columns): whether a column contains a point.
     reach
-        Side of a square in columns, at least 1.  It should be so large that every square inside the
-        footprint contains a point.
+        Side of a square in columns, at least 1. It should be large enough for every square inside
+        the footprint to contain a point.
     """
     rows, columns = touched.shape
     down, across = np.arange(0, rows, reach), np.arange(0, columns, reach)
@@ -333,9 +337,9 @@ def without_ragged_cells(
 ) -> NDArray[np.bool_]:
     """Voxels without the last row or column if the points fill it only partly.
 
-    It is removed if the distance between the last points and its edge is larger than the mean
-    distance between points.  Otherwise its empty part would be treated as open ground, although it
-    was not measured.
+    The last row or column is removed if the distance between the last points and its edge is larger
+    than the mean distance between points. If it were kept, its empty part would be treated as open
+    ground, although it was not measured.
 
     Parameters
     ----------

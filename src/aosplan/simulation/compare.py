@@ -1,8 +1,8 @@
 """Comparison of a plan's prediction with its simulation.
 
-**Prediction.**  The prediction is for the rays of the experiment, which differ from those of the plan. A plan is for a target below the middle of its grid, and the uniform and the layered model assume vertical rays. In the experiment, rays to the targets of an area are slanted. They cross more leaves, or side faces of cubes (`aosplan.models.area_rays`). The measured model predicts for the view of the experiment, telecentric or perspective. For noise patterns, which are the experiment of the paper, the prediction is that of the plan.
+**Prediction.**  The prediction is made for the rays of the experiment, which differ from the rays of the plan. A plan is for a target below the middle of its grid, and the uniform and the layered model assume vertical rays. In the experiment, rays to the targets of an area are slanted. They cross more leaves, or side faces of cubes (`aosplan.models.area_rays`). The measured model predicts for the view of the experiment, telecentric or perspective. For noise patterns, which are the experiment of the paper, the prediction of the plan is used.
 
-**Agreement.**  Prediction and experiment agree if the difference of each of p, V and V̂ is at most `MOST_ERRORS` standard errors plus the systematic error of the experiment. The systematic error is the effect of voxels on p, V and K (`TOLERANCE`), plus the effect of cubes on K. For slanted rays, cubes are effectively wider, by the factor 1 + s for a slope s. Their effect is therefore computed as the change of K of independent slices, at a disparity that is smaller by this factor.
+**Agreement.**  Prediction and experiment agree if the difference of each of p, V and V̂ is at most `MOST_ERRORS` standard errors plus the systematic error of the experiment. The systematic error is the effect of voxels on p, V and K (`TOLERANCE`), plus the effect of cubes on K. For a ray with the slope s, cubes are effectively wider by the factor 1 + s. Their effect is therefore computed as the change of K of independent slices if the disparity is reduced by this factor.
 
 **As flown.**  Even if prediction and experiment agree, the numbers of the plan may differ from the experiment, because their rays differ. `as_flown` lists these differences.
 """
@@ -61,10 +61,10 @@ QUANTITIES = ("density", "expected", "normalized")
 SYMBOLS = {"density": "p", "expected": "V", "normalized": "V̂"}
 
 LEAST_UNLIKE = 0.01
-"""Difference from the numbers of the plan that is too small to be reported."""
+"""Differences from the numbers of the plan that are smaller than this are not reported."""
 
 MOST_ERRORS = 4.0
-"""Largest difference in standard errors that is attributed to chance.  Larger differences occur
+"""Largest difference in standard errors that chance can explain.  Larger differences occur
 less than once in a thousand.
 """
 
@@ -206,7 +206,7 @@ class Simulation(NamedTuple):
         error = getattr(self.simulated, f"{name}_standard_error")
         if self.settings.forest == "noise" or math.isnan(found):
             return ""
-        # The model differs from the experiment, so the rays are not the reason.
+        # The prediction itself differs from the experiment, so the rays are not the reason.
         if self._difference(name, self.tolerance[name]):
             return ""
         if abs(planned - found) <= MOST_ERRORS * error + max(self.tolerance[name], LEAST_UNLIKE):
@@ -231,9 +231,9 @@ def simulate(
     plan
         The plan to simulate.
     settings
-        Settings of the simulation; default: the forest of the plan's scene, in perspective.
+        Settings of the simulation.  Default: the forest of the plan's scene, in perspective.
     progress
-        Function that is called with the number of volumes done and the expected total.
+        Function that is called with the number of finished volumes and the expected total.
 
     Raises
     ------
@@ -284,7 +284,7 @@ def simulate(
 def experiment_of(plan: Plan, settings: Settings) -> tuple[Settings, Experiment | None, Prediction]:
     """The experiment for a plan, and the prediction of the model for it.
 
-    The returned settings have the name of the forest.  Without occluders there is no experiment.
+    The returned settings have the name of the forest.  Without occluders, there is no experiment.
 
     Raises
     ------

@@ -1,16 +1,16 @@
 """Comparison of a plan's probability of detection with a simulated search.
 
 The prediction is that of `aosplan.models.detection` or `aosplan.models.counted_detection` for the
-scene of the plan.  The search (`aosplan.simulation.search`) uses forests that the model has not
-seen: random slices or stands, or the voxels of a point cloud with other radiances.
+scene of the plan. The search (`aosplan.simulation.search`) uses forests that were not used for the
+prediction: random slices or stands, or the voxels of a point cloud with other radiances.
 
-Two comparisons are made.  *At the same threshold*: the predicted probability of detection is
-compared with the share of targets that the detector finds with the predicted threshold.  They agree
-within `TOLERANCE` for nine photos or more.  *At the same false-alarm rate*: the number of false
-alarms per hectare is counted at the predicted threshold.  Then the share of targets is computed
-that the detector finds with another threshold: the one that gives the specified rate of false
-alarms in the searched forests.  If only a few hectares are searched, this threshold is an
-extrapolation, and the rate may differ by a factor of 2 to 3.
+Two comparisons are made. *At the same threshold*: the predicted probability of detection is
+compared with the share of targets that the detector finds with the predicted threshold. They agree
+within `TOLERANCE` for nine photos or more. *At the same false-alarm rate*: the number of false
+alarms per hectare is counted at the predicted threshold. Then another threshold is computed, with
+which the detector has the specified rate of false alarms in the searched forests. The share of
+targets that the detector finds with this threshold is reported. If only a few hectares are
+searched, this threshold is an extrapolation, and the rate may differ by a factor of 2 to 3.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ TOLERANCE = 0.05
 """Largest systematic difference at the same threshold that is accepted."""
 
 MOST_ERRORS = 2.5
-"""Largest number of standard errors that is accepted in addition to `TOLERANCE`."""
+"""Accepted number of standard errors in addition to `TOLERANCE`."""
 
 
 class SearchComparison(NamedTuple):
@@ -132,9 +132,9 @@ def compare_search(
         ``uniform``, ``layered``, ``clumped`` or ``cloud``; None for the forest that corresponds to
         the scene.
     forests
-        Number of forests, at least 2; default `FORESTS`.
+        Number of forests, at least 2; by default `FORESTS`.
     progress
-        Function that is called with the number of forests done and the total.
+        Function that is called with the number of finished forests and the total number of forests.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Experiments: independent samples of a forest, each with the same views.
 
-The index and the seed determine a sample, so that `counts` and `images` describe the same sample.
+The index and the seed determine a sample. `counts` and `images` therefore describe the same sample.
 All samples of an experiment have the same distribution and are independent.
 """
 
@@ -44,8 +44,8 @@ PATCH_OCCLUDERS = {"telecentric": 50.0, "perspective": 150.0}
 FEW_OCCLUDERS = 10.0
 
 PLOT_VOXELS = 1 << 25
-"""Approximate limit of the number of voxels of a plot, with three voxels per occluder edge.  It
-also limits the patches.
+"""Approximate limit of the number of voxels of a plot, with three voxels per occluder edge. It also
+limits the size of patches.
 """
 
 TARGETS_AN_OCCLUDER = {"telecentric": 6, "perspective": 3}
@@ -57,12 +57,12 @@ MOST_VIEWS = 10_000
 """Largest number of views of a simulation."""
 
 MOST_RAYS = 10_000_000_000
-"""Largest product of views and targets, which takes about a minute.  Patches are made smaller if it
-would be exceeded.
+"""Largest product of the numbers of views and of targets. This product takes about a minute.
+Patches are made smaller if it would be exceeded.
 """
 
 FEWEST_SAMPLES = 16
-"""Smallest number of samples, because fewer give no reliable standard error."""
+"""Smallest number of samples. Fewer samples do not give a reliable standard error."""
 
 PICTURE_PX = 300
 """Number of targets along the shorter side of a picture.  Pictures need more targets than
@@ -94,7 +94,7 @@ class Experiment(Protocol):
 
     @property
     def one_plot(self) -> bool:
-        """Whether the samples are the blocks of one plot, so that their number is limited."""
+        """Whether the samples are the blocks of one plot. Their number is then limited."""
 
     def samples(self) -> Iterator[Counts]:
         """Yield the counts of one sample after the other: without end, or for all blocks of one
@@ -102,8 +102,8 @@ class Experiment(Protocol):
         """
 
     def images(self) -> tuple[Blocked, Blocked]:
-        """Number of blocked views at each target of the first sample: of all views; of the middle
-        view.
+        """Number of blocked views at each target of the first sample: among all views, and for the
+        middle view alone.
         """
 
 
@@ -207,7 +207,9 @@ class ForestExperiment(NamedTuple):
 
     @property
     def patch_m(self) -> tuple[float, float]:
-        """Size of a patch: the target area, or one of the equal parts into which it is divided."""
+        """Size of a patch. A patch is the target area, or one of the equal parts into which the
+        area is divided.
+        """
         return self._patches()[0]
 
     def _patches(self) -> tuple[tuple[float, float], tuple[int, int]]:
@@ -234,8 +236,8 @@ class ForestExperiment(NamedTuple):
     def _sample(self, index: int, least_px: int = 0) -> tuple[VoxelViews, Positions]:
         """Views of a patch, and camera positions relative to the centre of the patch.
 
-        The patch has at least `least_px` targets along each side, unless that would be too many per
-        voxel.
+        The patch has at least `least_px` targets along each side, unless there would be too many
+        targets per voxel.
         """
         rng = generator(self.seed, index)
         patch, number = self._patches()
@@ -261,8 +263,8 @@ class ForestExperiment(NamedTuple):
         return views, self.positions_m - moved
 
     def _plot_m(self, axis: int, patch_m: float) -> float:
-        """Size of a plot that is large enough: neither two views of a patch nor a single ray meet
-        the same tree twice.
+        """Size of the plot along an axis. The plot is so large that neither a single ray nor two
+        views of a patch meet the same tree twice.
         """
         reach, rise = self._reach()[axis], self.top_m / self.altitude_m
         if self.view == "telecentric":
@@ -290,11 +292,11 @@ class PlotExperiment(NamedTuple):
 
 
 def middle_of(positions: Positions) -> int:
-    """Index of the position nearest to the centre.  If several are equally near, it is the
-    first.
+    """Index of the position nearest to the centre, or of the first of several equally near
+    positions.
     """
     apart = positions - 0.5 * (positions.min(axis=0) + positions.max(axis=0))
-    # The distances are rounded, so that ties are the same on every machine.
+    # The distances are rounded. Equal distances are then equal on every machine.
     return int(np.round((apart * apart).sum(axis=1), 9).argmin())
 
 

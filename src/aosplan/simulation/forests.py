@@ -2,9 +2,10 @@
 
 There are two kinds, which match the statistics of a scene:
 
-- `uniform_forest` and `layered_forest`: independent slices.  A slice is a plane of square cells
-  with a random phase.  The density of the slice is the probability that a cell is occupied.  If the
-  slice is thick enough, cells are as thick as they are wide, so that oblique rays meet their sides.
+- `uniform_forest` and `layered_forest`: independent slices. A slice is a plane of square cells with
+  a random phase. The density of the slice is the probability that a cell is occupied. If the slice
+  is thick enough, cells are as thick as they are wide. Oblique rays therefore meet the sides of
+  cells.
 - `clumped_forest`: trees with a trunk and a crown of leafy clumps.  Leaves are removed until the
   stand hides the required share of the ground from vertically above.  As in real stands, slices are
   not independent.
@@ -34,7 +35,9 @@ if TYPE_CHECKING:
     from aosplan.scenes.scene import Layer, Scene
 
 MOST_VOXELS = 1 << 26
-"""Largest number of voxels of a volume.  If a forest needs more voxels, they are made larger."""
+"""Largest number of voxels of a volume. If a forest would need more voxels, the voxels are made
+larger.
+"""
 
 VOXELS_AN_OCCLUDER = 3
 """Number of voxels along the edge of a cube, unless the volume would be too large."""
@@ -50,8 +53,8 @@ def generator(seed: int, index: int = 0) -> np.random.Generator:
 
 
 def voxel_for(occluder_size_m: float, size_m: tuple[float, float], top_m: float) -> float:
-    """Voxel size [m] for cubes: a third, half or all of their edge, or more if there would be too
-    many voxels.
+    """Voxel size [m] for cubes: a third, half or all of the edge of a cube, or more if there would
+    be too many voxels.
 
     If voxels are smaller than a cube, cells of different slices can start at different positions.
     """
@@ -209,8 +212,8 @@ def clumped_forest(
 
 
 def maker(above: Scene, forest: str, *, of_leaves: bool = False) -> Callable[..., Any]:
-    """Function that creates a volume of a scene.  Its arguments are a random generator and a size
-    along x and y.
+    """Make a function that creates a volume of a scene. The arguments of this function are a random
+    generator and a size along x and y.
     """
     if forest == "uniform":
         assert isinstance(above, UniformScene)
@@ -259,7 +262,7 @@ class _Canvas:
         share = _thinned(density, count)
         for k in range(count):
             first, last = (low + (high - low) * edge // count for edge in (k, k + 1))
-            if self.of_leaves:  # A ray meets a plate once, at the middle of the slice.
+            if self.of_leaves:  # A ray meets a plate only once, at the middle of the slice.
                 first = (first + last) // 2
                 last = first + 1
             self.occupied[first:last] |= _cells(rng, self.occupied.shape[1:], size, share)
@@ -300,7 +303,7 @@ def _cells(
 
 @lru_cache
 def cell_width(size: float) -> float:
-    """Width of cells [voxels] whose integral range after conversion to voxels has a given value.
+    """Width of cells [voxels] with which a plane of voxels has a given integral range.
 
     At whole lags, the correlation of a plane of voxels equals the triangle of its cells.  Between
     whole lags, it is linear.  For a width w = n + f with a whole number n, the integral of this
@@ -366,7 +369,7 @@ def _around(count: int, place: float, reach: float) -> tuple[NDArray[np.intp], N
 
 
 def _kept_share(leaves: NDArray[np.int64], trunk: NDArray[np.bool_], density: float) -> float:
-    """Share of leafy voxels to keep, so that the expected share of hidden columns is `density`."""
+    """Share of leafy voxels with which the expected share of hidden columns is `density`."""
     columns = np.bincount(leaves[~trunk])
     always = np.count_nonzero(trunk)
     low, high = 0.0, 1.0

@@ -1,5 +1,5 @@
-"""Stands of individual leaves, through which rays are cast.  They are the reference for tests of
-opacity from pulses.
+"""Stands of individual leaves, through which rays are cast. They are the reference with which
+opacity from pulses is tested.
 
 A stand is a periodic plot over level ground.  It contains round, opaque leaves of random direction.
 Leaves form shoots, and shoots form crowns.  Intersections of rays with leaves are computed exactly,
@@ -58,8 +58,8 @@ class LeafStand(NamedTuple):
         slope
             Shape (2, n): change of x and y along the rays per metre of height.
         """
-        # The cells are so large that a leaf which a ray may meet is at most half a cell away from
-        # the ray at the middle of the layer.
+        # The cells are so large that every leaf that a ray may meet is at most half a cell away
+        # from the ray, measured at the middle of the layer.
         steepest = float(np.abs(slope).max(initial=0.0))
         reach = self.radius_m + steepest * (0.5 * LAYER_M + self.radius_m)
         count = max(int(self.size_m / max(2.0 * reach, 0.1)), 1)
@@ -100,8 +100,8 @@ class LeafStand(NamedTuple):
         apart = centre[:2] - ground_m[:, ray] - lean * centre[2]
         # This gives the offset to the nearest periodic copy.
         apart -= self.size_m * np.round(apart / self.size_m)
-        # The next lines follow the ray from its position at the height of the leaf's centre to the
-        # plane of the leaf.
+        # The next lines follow the ray, from the height of the leaf's centre to the plane of the
+        # leaf.
         along = normal[0] * lean[0] + normal[1] * lean[1] + normal[2]
         rise = (normal[0] * apart[0] + normal[1] * apart[1]) / np.where(along == 0.0, 1e-30, along)
         x, y = lean[0] * rise - apart[0], lean[1] * rise - apart[1]
@@ -140,7 +140,7 @@ def crowned_stand(
     size_m
         Edge length of the periodic plot.
     leaf_area_index
-        Area of the leaves divided by that of the plot.
+        Area of the leaves divided by the area of the plot.
     crowns, crown_radius_m, base_m, top_m
         Number of crowns, their radius, and the heights of their bottom and top.
     leaf_diameter_m
@@ -261,7 +261,7 @@ def _one_line(
     aim = (place + rng.random((2, count))) / np.array([[across], [along]])
     aim *= np.array([[high - low], [side]])
     aim[0] += low
-    # A line scanner looks across the track, so that the time of a pulse depends on its position
+    # A line scanner looks across the track. The time of a pulse therefore depends on its position
     # along the track.
     aim = aim[:, np.argsort(aim[1])]
     time_s = 1000.0 * line + aim[1] / speed_mps
@@ -303,7 +303,7 @@ def hidden_share(
     Parameters
     ----------
     stand
-        The stand.  It is periodic, so that every target has a canopy.
+        The stand. It is periodic, so every target is below a canopy.
     altitude_m
         Height of the cameras.
     positions_m

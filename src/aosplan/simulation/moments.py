@@ -7,11 +7,11 @@ of X².  Then
 
     p = mean x,   V = 1 - mean m,   V̂ = 1 - K,   K = (m - p²)/(p - p²).
 
-All targets of a volume are below the same trees, so that only whole samples are independent.
-Standard errors are therefore computed from the variation between samples.  For K, the derivatives
-with respect to p and m are used. p² is estimated from pairs of different samples, p² = (R p̄² -
-mean x²)/(R - 1).  The square of the mean p̄ would be too large by the variance of p̄, and V̂ would
-then also be too large.
+Standard errors are computed from the variation between samples. The targets of one volume are not
+independent, because they are below the same trees. For K, the derivatives with respect to p and m
+are used. p² is estimated from pairs of different samples, p² = (R p̄² - mean x²)/(R - 1). The
+square of the mean p̄ is not used, because it is too large by the variance of p̄, and V̂ would then
+be too large.
 """
 
 from __future__ import annotations

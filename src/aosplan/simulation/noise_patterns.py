@@ -37,7 +37,7 @@ class NoisePattern(NamedTuple):
     phase_px: tuple[float, float]
 
     def view(self, shape: tuple[int, int], shift_px: tuple[float, float]) -> NDArray[np.bool_]:
-        """The pixels of a view whose occluders are shifted by `shift_px` along x and y; shifts are
+        """The pixels of a view whose occluders are shifted by `shift_px` along x and y. Shifts are
         at least 0.
         """
         rows, columns = (
@@ -90,7 +90,7 @@ def blocked_views(
     *,
     only: int | None = None,
 ) -> NDArray[np.int32]:
-    """Number of blocked views of one random pattern at each pixel.  Divided by N, it is the
+    """Number of blocked views of one random pattern at each pixel. This number divided by N is the
     integral image.
 
     Parameters

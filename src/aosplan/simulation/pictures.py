@@ -1,9 +1,9 @@
 """Pictures of a resolution chart behind trees, and PNG files.
 
-Images are arrays of floats from 0 to 1, of shape (rows, columns) or (rows, columns, 3).  The top
-row is the first.  In the limit of infinitely many views, an integral image is a mixture of the
-target and a uniform veil.  The veil is a share p of the occluders' colour.  With a finite number of
-views, some structure of the occluders remains, so that the image is less similar to this limit.
+Images are arrays of floats from 0 to 1, of shape (rows, columns) or (rows, columns, 3). The top row
+is the first. In the limit of infinitely many views, an integral image is a mixture of the target
+and a uniform veil. The veil is the colour of the occluders, with the weight p. With a finite number
+of views, some structure of the occluders remains. This makes the image less similar to the limit.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ def _fill(
 
 
 def integral_image(target: Image, blocked_share: Image) -> Image:
-    """A grey target below trees.  At each pixel, the share X of the views shows the colour of the
-    occluders instead.
+    """Image of a grey target below trees. At each pixel, the share X of the views shows the colour
+    of the occluders instead of the target.
 
     Parameters
     ----------

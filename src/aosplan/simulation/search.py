@@ -5,7 +5,8 @@ Targets have random places and directions, and the ground has a texture.  The de
 `aosplan.scenes.matched_window`.  A target is found if the output near it exceeds the threshold.
 Each peak above the threshold at another place is a false alarm.
 
-This module does not use the prediction.  `aosplan.simulation.compare_search` compares both.
+This module does not use the prediction. `aosplan.simulation.compare_search` compares the prediction
+and the search.
 """
 
 from __future__ import annotations
@@ -123,7 +124,7 @@ def search(
     margin = 0 if wraps else math.ceil(0.5 * detector.box_m / min(pitch)) + 1
     inner = tuple(slice(margin, count - margin) for count in shape)
     heights = peaks(detector.output(plain)[inner], pitch)
-    # In a periodic image, all places are equivalent, but a target must not cross the edges of the
+    # All places of a periodic image are equivalent, but a target must not cross the edges of any
     # image.
     room = max(margin, *detector.cover(0.0).shape)
     outputs, shares = [], []
@@ -161,7 +162,7 @@ def _places(
     for i in range(cells[0]):
         for k in range(cells[1]):
             cell = np.array([inner[0] / cells[0], inner[1] / cells[1]])
-            # Targets are only in half of each cell, so that a box rarely contains parts of two
+            # Targets are only in half of each cell. A box therefore rarely contains parts of two
             # targets.
             row, column = (margin + (np.array([i, k]) + 0.5 * rng.random(2)) * cell).tolist()
             places.append((int(row), int(column), float(rng.random() * math.pi)))

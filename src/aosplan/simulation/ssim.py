@@ -1,9 +1,9 @@
 """SSIM of two images in the area that both cover.
 
-SSIM is the structural similarity as defined by Wang, Bovik, Sheikh and Simoncelli (2004).  It is
-computed by scikit-image, with Gaussian windows of σ = 1.5 pixels that are 11 pixels wide.  Only
-windows whose pixels are all covered in both images are used.  The images are not normalised, so
-that a veil or a different exposure reduces the similarity.
+SSIM is the structural similarity as defined by Wang, Bovik, Sheikh and Simoncelli (2004). It is
+computed by scikit-image, with Gaussian windows of σ = 1.5 pixels that are 11 pixels wide. Only
+windows whose pixels are all covered in both images are used. The images are not normalised. A veil
+or a different exposure therefore reduces the similarity.
 """
 
 from __future__ import annotations

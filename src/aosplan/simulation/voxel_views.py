@@ -1,8 +1,9 @@
-"""Counts of the targets below a voxel volume that views hide, with limited memory.
+"""Counts of the targets below a voxel volume that are hidden in views, computed with limited
+memory.
 
 The views are bit masks, which are computed from shifted slices of voxels
-(`aosplan.scenes.occlusion`).  This module adds them up for one tile of targets and one batch of
-views at a time.  The required memory therefore does not depend on the number of targets or views.
+(`aosplan.scenes.occlusion`). This module adds up the masks for one tile of targets and one batch of
+views at a time. The required memory therefore does not depend on the number of targets or views.
 """
 
 from __future__ import annotations
@@ -86,8 +87,8 @@ class VoxelViews:
         return VoxelViews(**self._given, window=window)
 
     def counts(self, positions_m: ArrayLike) -> Counts:
-        """Sums over the numbers of views that hide each target.  Camera positions have the shape
-        (N, 2), east and north.
+        """Sums, over the targets, of the number of views in which a target is hidden and of its
+        square. Camera positions have the shape (N, 2), east and north.
         """
         total: Counts | None = None
         for tile in tiles(self.window, TILE_TARGETS):
@@ -102,11 +103,11 @@ class VoxelViews:
         return total
 
     def blocked_views(self, positions_m: ArrayLike) -> NDArray[np.int32]:
-        """Number of views that hide each target, shape (rows, columns); rows are northwards,
-        columns eastwards.
+        """Number of views in which each target is hidden, shape (rows, columns). Rows are
+        northwards and columns eastwards.
 
-        Divided by N, it is the integral image of black ground below white trees.  It is also 1
-        minus the share of views that see each target.
+        The number divided by N is the integral image of black ground below white trees. It is also
+        1 minus the share of views that see each target.
         """
         window = self.window
         blocked = np.zeros((window.rows, window.columns), dtype=np.int32)

@@ -34,12 +34,12 @@ errors.
 
 
 def target_text(symbol: str, target: float) -> str:
-    """A target as messages show it; `symbol` is V̂ or V."""
+    """A target in the form that messages show. `symbol` is V̂ or V."""
     return f"{symbol} = {target:.10g}"
 
 
 def reached_text(symbol: str, reached: float) -> str:
-    """The value that is reached as messages show it."""
+    """The value that is reached, in the form that messages show."""
     return f"{symbol} = {reached:.4g}"
 
 
@@ -66,7 +66,7 @@ class Requirement(NamedTuple):
         return self.symbol, float(self.target)
 
     def __str__(self) -> str:
-        """The target as messages show it."""
+        """The target in the form that messages show."""
         return target_text(*self.asked)
 
     def is_met(self, prediction: Prediction, tolerance: float = TOLERANCE) -> bool:
@@ -74,8 +74,8 @@ class Requirement(NamedTuple):
         return self.excess(prediction, tolerance) <= 0.0
 
     def excess(self, prediction: Prediction, tolerance: float = TOLERANCE) -> float:
-        """Difference between the target and a prediction, in terms of the shortfall.  It is at most
-        0 if the target is met.
+        """Difference between the error of a prediction, 1 - V̂ or 1 - V, and the error that the
+        target allows. It is at most 0 if the target is met.
         """
         normalized = self.quantity == "normalized"
         error = prediction.shortfall if normalized else prediction.mean_squared_error
@@ -84,10 +84,10 @@ class Requirement(NamedTuple):
     def fewest_independent(self, model: VisibilityModel) -> int | None:
         """Number of samples that would meet the target if all were independent (K = 1/N).
 
-        This is a lower bound of the number of samples if K >= 1/N.  K >= 1/N is true for models
-        whose visibility increases with the baseline, and the bound is used only for these.  For
-        voxels and for oblique rays, K may be slightly less than 1/N, because views may hide
-        different shares.
+        This is a lower bound of the number of samples if K >= 1/N. This condition is true for
+        models whose visibility increases with the baseline, and the bound is used only for these
+        models. For voxels and for oblique rays, K may be slightly less than 1/N, because different
+        shares may be hidden in the views.
 
         The result is None if no number of samples meets the target.  With K = 1/N, the condition of
         `is_met` is 1/N <= 1 - V̂ or p (p + T/N) <= 1 - V.  Both conditions are solved in exact
@@ -115,7 +115,8 @@ class CommonGround(NamedTuple):
     footprint_m
         Size of the ground that a photo shows, along and across the heading.
     least_m
-        Size of the ground that all samples have to see: the size of a target, or that of a pixel.
+        Size of the ground that all samples have to see: the size of a target, or the size of a
+        pixel.
     over_area
         Whether the grid is repeated over an area.  All samples then have to see a cell between
         sites.
@@ -174,11 +175,11 @@ class GridKind(NamedTuple):
         return frame_at(self.name, index, lanes=self.lanes, lane_pitch=self.lane_pitch)
 
     def pattern(self, samples: int) -> AnyPattern:
-        """The smallest pattern of this kind with at least this many samples."""
+        """The smallest pattern of this kind with at least the given number of samples."""
         return pattern_for(self.name, samples, lanes=self.lanes, lane_pitch=self.lane_pitch)
 
     def index_of(self, samples: int) -> int:
-        """Index of the first frame that has at least this many samples."""
+        """Index of the first frame that has at least the given number of samples."""
         return index_for(self.name, samples, lanes=self.lanes)
 
 
@@ -186,10 +187,10 @@ class Problem(NamedTuple):
     """The input of the solver: a model, a target, a kind of grid, bounds and an objective.
 
     `surrogate` is a quick approximation of a model whose visibility may decrease if the baseline
-    increases.  If `count_required` is true, the smallest number of samples at the baseline of the
-    solution is computed.  If `seek_remedy` is true, a remedy is computed for the hint of an error.
-    Both take additional time.  A search calls `on_trial` with the problem, a pattern and a baseline
-    [m] before it evaluates them.
+    increases. If `count_required` is true, the smallest number of samples at the baseline of the
+    solution is computed. If `seek_remedy` is true, a remedy is computed for the hint of an error.
+    Both computations take additional time. Before a search evaluates a pattern at a baseline, it
+    calls `on_trial` with the problem, the pattern and the baseline [m].
     """
 
     model: VisibilityModel
@@ -205,7 +206,9 @@ class Problem(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Name of the problem in messages: its kind of grid, and its heading if it has one."""
+        """Name of the problem in messages: its kind of grid, and its heading if it has
+        a heading.
+        """
         heading = self.model.heading_deg
         return f"{self.grid.title} at {heading:g}°" if heading else self.grid.title
 
@@ -218,7 +221,7 @@ class Problem(NamedTuple):
             return self
         model = at_heading(self.model, heading_deg)
         surrogate = self.surrogate and at_heading(self.surrogate, heading_deg)
-        # The wind is given along the axes of the path, so that its components change if the axes
+        # The wind is given along the axes of the path. Its components therefore change if the axes
         # turn.
         turn = math.radians(heading_deg - before)
         x, y = self.timing.wind
@@ -249,9 +252,9 @@ class Problem(NamedTuple):
     def widest_baseline_m(self) -> float:
         """Baseline beyond which the visibility does not improve.
 
-        With position noise, even larger baselines improve the visibility slightly, but need a much
-        larger aperture.  They are tried only if the number of samples is fixed, or if aperture or
-        time is the objective.
+        With position noise, larger baselines than this improve the visibility slightly, but need a
+        much larger aperture. They are tried only if the number of samples is fixed, or if aperture
+        or time is the objective.
         """
         priced = self.objective in ("aperture", "time") or self.bounds.samples is not None
         return self.model.independent_baseline_m if priced else self.model.sharp_baseline_m

@@ -13,7 +13,9 @@ LIFT_GROUND = (
     "fly higher, use a camera with a wider field of view, give a lower target, or give "
     "--allow-no-common-ground"
 )
-"""Hint for a grid that cannot be large enough, because all samples have to see common ground."""
+"""Hint for a grid that cannot be made large enough, because all samples have to see
+common ground.
+"""
 
 
 def best_text(symbol: str, reached: float, samples: int, baseline_m: float) -> str:

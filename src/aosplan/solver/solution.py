@@ -1,4 +1,4 @@
-"""Solutions with the limits that determined them, and the text of values in messages."""
+"""Solutions, the limits that determined them, and the text of values in messages."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def solution_of(
 ) -> Solution:
     """The solution for a pattern at a baseline, with its limits.
 
-    `highest` has the pattern, the baseline and the value of the highest visibility or contrast found.
+    `highest` has the pattern and the baseline with the highest visibility or contrast that was
+    found, and this value.
     """
     prediction = problem.model.predict(pattern, baseline_m)
     return Solution(

@@ -1,12 +1,14 @@
-"""Solution of one problem, or of the best of several kinds of grid or several headings.
+"""Solution of one problem, or of several problems that differ in the kind of grid or in the
+heading, of which the best solution is chosen.
 
 `solve` passes a problem to the solver that suits its model and objective: `solve_monotone` or
 `solve_by_scan`.  These solvers determine the number of samples.
 
-The problem is solved for each kind of grid.  The objective then selects the best of these
-solutions.  If several solutions are equal within the slack of the objective, the solution with the
-fewest samples is selected, and then the one with the shortest flight time.  A solution whose
-samples do not have any ground in common is selected only if this is true of all solutions.
+The problem is solved for each kind of grid. The objective then selects the best of these solutions.
+If several solutions are equal within the slack of the objective, the solution with the fewest
+samples is selected. Among those with equal numbers of samples, the one with the shortest flight
+time is selected. A solution whose samples do not have any ground in common is selected only if this
+is true of all solutions.
 """
 
 from __future__ import annotations
@@ -37,8 +39,8 @@ LANE_PITCHES = (1.5, 2.0, 3.0, 4.0, 6.0)
 """Pitches of lanes, and of the turns of spirals, that are compared."""
 
 HEADING_STEP_DEG = 5.0
-"""Step of the headings that a surrogate compares.  The headings are within half a circle, because
-turning a grid by 180 degrees does not change it.
+"""Step of the headings that a surrogate compares. The headings are within half a circle, because a
+rotation by 180 degrees does not change a grid.
 """
 
 HEADINGS_JUDGED, HEADINGS_APART_DEG = 3, 15.0
@@ -47,8 +49,8 @@ two of these headings.
 """
 
 FIRST_HEADINGS_DEG = (0.0, 90.0, 45.0, 135.0)
-"""Headings at which a search for the best heading begins.  If no grid meets the target at a
-heading, the next one is tried.
+"""Headings at which a search for the best heading begins. If no grid meets the target at a heading,
+the next heading is tried.
 """
 
 HEADING_MATTERS = 0.03
@@ -143,8 +145,8 @@ def solve(problem: Problem) -> Solution:
     """
     rises, ground = problem.model.rises_with_baseline, problem.bounds.ground
     if rises and ground is not None and problem.objective == "samples":
-        # The problem is first solved without the footprint. If the footprint does not limit this
-        # solution, no search of frames is needed.
+        # The problem is first solved without the limit from the footprint. If the solution is
+        # within this limit, no search of frames is needed.
         with suppress(InfeasibleError):
             free = problem.bounds._replace(ground=None)
             found = _solve(problem._replace(bounds=free, seek_remedy=False))
@@ -182,7 +184,7 @@ def solve_best(
     Raises
     ------
     InfeasibleError
-        If no problem has a solution.  The message is that of the first problem.
+        If no problem has a solution. The message is the message for the first problem.
     """
     found: list[Alternative] = []
     failed: list[InfeasibleError] = []
@@ -211,9 +213,7 @@ def solve_best(
 
 
 def _no_worse(problem: Problem, found: Sequence[Alternative]) -> Problem:
-    """The problem, restricted to solutions that do not have more samples than the best solution so
-    far.
-    """
+    """The problem, with the number of samples limited to that of the best solution so far."""
     if problem.objective != "samples" or not found or problem.bounds.samples is not None:
         return problem
     fewest = min(choice.solution.pattern.samples for choice in found)
@@ -242,7 +242,9 @@ def _best(found: Sequence[Alternative]) -> Alternative:
 
 
 def _with_reason(best: Alternative, notes: dict[str, str], problems: Sequence[Problem]) -> Solution:
-    """The best solution, with a limit that names the alternatives in the comparison."""
+    """The best solution, with an additional limit that names the alternatives with which it was
+    compared.
+    """
     objective = best.problem.objective
     hopeless = [p.name for p in problems if p.name not in (best.problem.name, *notes)]
     message = f"{best.problem.name} has the best {MEASURES[objective]}, {best.measure:.4g}"
@@ -251,7 +253,7 @@ def _with_reason(best: Alternative, notes: dict[str, str], problems: Sequence[Pr
     if hopeless:
         message += f"; {_some(hopeless)} cannot be better"
     limit = Limit("choice", best.measure, best.measure, message)
-    # Bounds that the comparison has added are not reported to the user as limits.
+    # Bounds that were only added for the comparison are not reported to the user as limits.
     limits = solution_limits(best.problem, best.solution)
     return best.solution._replace(limits=(*limits, limit))
 
@@ -292,8 +294,8 @@ def headings_worth_a_look(problem: Problem, solution: Solution) -> list[tuple[fl
 
 
 def other_heading(chosen: Alternative) -> str:
-    """Text of a notice that another heading is better; None if there is no correlogram to compare
-    headings.
+    """Text of a notice that another heading is better. It is None if there is no correlogram with
+    which headings can be compared.
     """
     problem, solution = chosen
     pattern, baseline = solution[:2]

@@ -85,7 +85,7 @@ the shortfall at 4 to 16 samples, and 0 to 3 % at 49 samples.
 """
 
 CAUTION = 1.5
-"""The margins divided by the largest error of the surrogate that was measured."""
+"""The margins are this factor times the largest measured error of the surrogate."""
 
 VISIBILITY_SLACK = 0.005
 """Slack for visibilities of 0.5 or more: plans whose visibility is at least the best one minus the

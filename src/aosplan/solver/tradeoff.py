@@ -4,15 +4,15 @@ A row is a pattern at the smallest baseline that meets the target.  If no baseli
 the row has the baseline with the best value.  If the objective is maximised, the row always has the
 best baseline.
 
-A row is on the Pareto front if no other row that meets the target dominates it.  A row dominates
+A row is on the Pareto front if no other row that meets the target dominates it. A row dominates
 another row if it is at least as good in samples, extent and flight time, and better in one of
-these.  If the objective is maximised, its value is also compared, and all rows are included in the
+these. If the objective is maximised, its value is compared too, and all rows are included in the
 comparison.
 
 For models whose visibility increases with the baseline, there is a row for every number of samples.
-For spirals above 64 samples, there are only rows for the sample counts of whole rectangles.  For
-the measured model, there is a row for the densest pattern of each rectangle, and rows for lines,
-lanes and spirals with the same sample counts.  Their baselines are found by the scan of
+For spirals above 64 samples, there are only rows for the sample counts of whole rectangles. For the
+measured model, there is a row for the densest pattern of each rectangle, and rows for lines, lanes
+and spirals with the same sample counts. The baselines of these rows are found by the scan of
 `aosplan.solver.solve_by_scan`, whose step is halved `REFINEMENTS` times.
 """
 
@@ -104,7 +104,7 @@ def tradeoff(problems: Sequence[Problem], chosen: Problem, solution: Solution) -
     Parameters
     ----------
     problems
-        One for each kind of grid.
+        One problem for each kind of grid.
     chosen, solution
         The problem that the plan has solved, and its solution.
     """
@@ -130,8 +130,8 @@ def _most(problem: Problem, chosen: int) -> int:
 
 
 def _rising(problem: Problem, most: int) -> Iterator[TradeoffRow]:
-    """A row for every number of samples, for models whose visibility increases with the
-    baseline.
+    """One row for every number of samples, for models whose visibility increases with
+    the baseline.
     """
     bounds, grid = problem.bounds, problem.grid
     last = None
@@ -200,8 +200,7 @@ def _with_front(rows: list[TradeoffRow]) -> list[TradeoffRow]:
     rated = sorted((measures(row), index) for index, row in enumerate(rows) if best or row.meets)
     front: list[tuple[float, ...]] = []
     marked = set()
-    # In this order, a row that is at least as good in all measures is before the row that it
-    # dominates.
+    # In this order, every row is before the rows that it dominates.
     for measured, index in rated:
         if not any(all(map(float.__le__, other, measured)) for other in front):
             front.append(measured)

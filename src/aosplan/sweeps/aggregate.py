@@ -67,7 +67,7 @@ class Aggregation:
                 self.gathered = Aggregates.of_state(found["gathered"])
                 return
         except (OSError, ValueError, TypeError, LookupError):
-            pass  # No sweep has written this file.
+            pass  # The file was not written by a sweep.
         raise RequestError(
             f"'{self.path}' contains the results of another sweep",
             "give the same file, options and version, or --force to start again",
@@ -77,7 +77,7 @@ class Aggregation:
         """Add the result of a part, unless it has been added before."""
         if part.part in self.done:
             return
-        assert part.gathered is not None  # A sweep with `gather` sets this attribute.
+        assert part.gathered is not None  # A sweep with `gather` sets this attribute for each part.
         self.done.add(part.part)
         self.gathered = self.gather.joined(self.gathered, part.gathered)
         if time.monotonic() - self._written_s >= EVERY_S:

@@ -17,7 +17,8 @@ class Block(NamedTuple):
     """Scenarios `start` to `start + rows` - 1, as columns by option.  The columns broadcast to
     `shape`.
 
-    For each column of objects, `kinds` has the types of its values in all blocks, except None.
+    For each column of objects, `kinds` has the types of its values in all blocks, without the type
+    of None.
     """
 
     start: int
@@ -85,7 +86,7 @@ class RowStatuses:
             self.status[np.asarray(where) & (self.status == OK)] = DEFERRED
 
     def refuse(self, status: int, where: Any, text: Callable[..., str], *values: Any) -> None:
-        """Refuse scenarios that have no other status yet.
+        """Refuse scenarios that do not yet have a status other than ``ok``.
 
         Parameters
         ----------

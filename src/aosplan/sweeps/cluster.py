@@ -4,8 +4,9 @@ A task contains the scenarios of one block.  It writes one part into a folder th
 this machine share.  The file gets its final name only when it is complete.  If the cluster runs a
 task twice, the same bytes are written twice.  Only a few tasks per thread are submitted at a time.
 
-The run stops with an error if the result could differ, or if it would never end: different
-versions, files that a worker does not see, no workers, or a scheduler that does not respond.
+The run stops with an error if the result could differ or if the run would never end. Reasons are
+different versions, files that a worker does not see, no workers, or a scheduler that does not
+respond.
 """
 
 from __future__ import annotations
@@ -74,8 +75,8 @@ class PartTask(NamedTuple):
     part, path
         Index and file name of the part.
     folder
-        Folder of the incomplete part.  Each run has a new folder, so that tasks of an earlier run
-        cannot write to it.
+        Folder of the incomplete part. Each run has a new folder, because tasks of an earlier run
+        must not write to it.
     files
         Files of the scenarios, with their sizes.
     """
@@ -104,8 +105,8 @@ def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> 
     RequestError
         If the address is not valid, or if a file of the scenarios cannot be found by its full path.
     SurroundingsError
-        If the cluster cannot continue: no scheduler, no workers, different versions, no shared
-        folder, or a worker that cannot write.
+        If the cluster cannot continue, because there is no scheduler, no worker or no shared
+        folder, or because a worker cannot write or has different versions.
     MissingExtraError
         If Dask is not installed.
     """
@@ -259,11 +260,11 @@ def _connected(address: str) -> Iterator[Any]:
     given = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
-        # A client that cannot connect prints another error when it is deleted. The scheduler is
-        # therefore tested first.
+        # The scheduler is tested first, because a client that cannot connect prints another error
+        # when it is deleted.
         asyncio.run(_ask(address))
-        # Warnings are suppressed: large blocks of a table would cause some, and different versions
-        # cause an error anyway.
+        # Warnings are suppressed. They are about large blocks of a table, which are intended, and
+        # about different versions, for which there is an error.
         with (
             config.set({"distributed.admin.large-graph-warning-threshold": "1GiB"}),
             warnings.catch_warnings(action="ignore"),

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 
 class NamedFile(NamedTuple):
-    """A value of an option, the path that was found for it, and the files to which it refers."""
+    """A value of an option, the path that was found for this value, and the files to which it
+    refers.
+    """
 
     option: str
     value: str
@@ -50,7 +52,8 @@ def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Nam
             found = located(value, folder)
             try:
                 stood_for = cloud_files(found) or (found,)
-            # For a folder or pattern without files, the rows that name it report the error.
+            # If a folder or a pattern has no files, the error is reported in the rows with this
+            # value.
             except RequestError:
                 continue
             there = tuple(file for file in stood_for if os.path.isfile(file))
@@ -65,7 +68,7 @@ def checksums(values: Mapping[str, NDArray[Any]], folder: str) -> list[tuple[str
     sums = []
     for named in named_files(values, folder):
         for file in named.files:
-            # For an unreadable file, the rows that name it report the error.
+            # If a file cannot be read, the error is reported in the rows with this value.
             with contextlib.suppress(OSError):
                 known = os.stat(file)
                 digest = _checksum(file, known.st_size, known.st_mtime_ns)

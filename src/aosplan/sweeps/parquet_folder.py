@@ -1,8 +1,8 @@
 """Results in the form of a folder of Parquet files, one file per part.
 
-The folder gets its final name when it is complete.  It contains no other files, so that other
-programs can read the folder.  The journal is kept beside the folder, so that a later run can find
-damaged parts.
+The folder gets its final name when it is complete. It contains no other files, because other
+programs have to be able to read the folder. A journal beside the folder remains, with which a later
+run can find damaged parts.
 """
 
 from __future__ import annotations
@@ -107,8 +107,8 @@ class Partitions(Parts):
         return self.folder
 
     def put(self, whole: str, *, resume: bool, force: bool) -> None:
-        """Rename the folder to its final name.  An earlier result is removed after that, because
-        removing takes time.
+        """Rename the folder to its final name. An earlier result is removed after that, because its
+        removal takes time.
 
         Raises
         ------

@@ -60,8 +60,8 @@ class Parts:
         self.folder = f"{self.out}.parts"
         self.journal = os.path.join(self.folder, JOURNAL)
         self.suffix = os.path.splitext(out)[1].lower()
-        # Parquet preserves the types of columns. They are needed when the best rows of the parts
-        # are compared.
+        # Parts are Parquet files, because Parquet preserves the types of columns. The types are
+        # needed when the best rows of the parts are compared.
         self.part_suffix = self.suffix if sweep.best is None else ".parquet"
         self.fingerprint = sweep.fingerprint()
         self.done: dict[int, Part] = {}
@@ -90,8 +90,8 @@ class Parts:
 
     @contextlib.contextmanager
     def alone(self) -> Iterator[None]:
-        """Context manager that holds a lock during a run, so that no other process writes the same
-        result.
+        """Context manager that holds a lock during a run. Another process therefore cannot write
+        the same result.
 
         Raises
         ------
@@ -185,7 +185,7 @@ class Parts:
         Raises
         ------
         RequestError
-            If another file with this name has been created in the meantime and may not be replaced.
+            If a file with this name has been created in the meantime and may not be replaced.
         """
         check_output(self.out, force=force)
         os.replace(whole, self.out)
@@ -217,7 +217,9 @@ def solve_part(sweep: Sweep, index: int, path: str | None, folder: str | None = 
 
 
 def _is_first(handle: int, lock: str) -> bool:
-    """Whether this process got the lock.  It fails if another process holds the lock."""
+    """Try to get the lock. Returns whether this was possible; it is not possible if another process
+    holds the lock.
+    """
     if sys.platform == "win32":
         import msvcrt
 
@@ -255,8 +257,8 @@ def write_frame(frame: pl.DataFrame, path: str, folder: str | None = None) -> tu
 
 
 def _guarded(frame: pl.DataFrame) -> pl.DataFrame:
-    """A frame in which no name starts with a character with which formulas of spreadsheets
-    start.
+    """A frame in which no file name starts with a character with which a formula of a spreadsheet
+    starts.
     """
     pl = polars()
     names = [

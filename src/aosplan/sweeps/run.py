@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from aosplan.sweeps.sweep import Sweep
 
 MOST_WINDOWS_WORKERS = 61
-"""Largest number of processes of a pool on Windows.  Windows can wait for at most 63 handles, and
-the pool itself needs two handles.
+"""Largest number of processes of a pool on Windows. Windows can wait for at most 63 handles, and
+two of them are needed by the pool itself.
 """
 
 
@@ -188,14 +188,15 @@ def _solved(
         return
     waiting = iter(left)
     others = set(active_children())
-    # Processes are not forked, because they would inherit locks of polars' threads.
+    # Processes are not forked, because they would inherit locks of the threads of polars.
     context = get_context("spawn")
     with (
         contextlib.ExitStack() as afterwards,
         ProcessPoolExecutor(workers_of(workers), context, _take, (sweep,)) as pool,
     ):
         try:
-            # If an interruption occurred while a process starts, Python would print an exception.
+            # Interruptions are deferred, because Python would print an exception if one occurred
+            # while a process starts.
             with _interrupted_later():
                 running = {
                     pool.submit(_part, index, path(index)) for index in islice(waiting, 2 * workers)
@@ -213,7 +214,8 @@ def _solved(
                 afterwards.callback(parts.drop_begun)
             pool.shutdown(wait=False, cancel_futures=True)
             for process in set(active_children()) - others:
-                process.terminate()  # The part that the process was writing is incomplete.
+                # The process is terminated. The part that it was writing is incomplete.
+                process.terminate()
             if isinstance(error, BrokenProcessPool):
                 raise SurroundingsError(
                     "a worker process died; the memory may be too small",
@@ -232,8 +234,8 @@ def workers_of(asked: int) -> int:
 
 def _end_waits() -> None:
     if sys.platform != "win32":
-        # The signal handler of polars restarts interrupted system calls. Ctrl-C has to end them
-        # instead.
+        # The signal handler of polars makes the system restart interrupted calls. Here, Ctrl-C has
+        # to end such calls.
         signal.siginterrupt(signal.SIGINT, True)
 
 
@@ -264,7 +266,7 @@ def _take(sweep: Sweep) -> None:
     global _sweep  # noqa: PLW0603 (a process of a pool has no other place)
     _sweep = sweep
     Thread(target=_end_with_parent, daemon=True).start()
-    polars()  # polars installs a signal handler, so it is imported first.
+    polars()  # polars is imported first, because it installs a signal handler.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 

@@ -1,9 +1,9 @@
 """Scenarios of a sweep: all combinations of lists and ranges (a *crossing*), or the rows of a
 table.
 
-Both provide blocks.  A block consists of columns of parsed option values, which broadcast against
-each other.  Each column of a crossing has its own axis.  A quantity that depends on few options is
-therefore computed only a few times.
+Both are divided into blocks. A block consists of columns of parsed option values, which broadcast
+against each other. Each column of a crossing has its own axis. A quantity that depends on few
+options is therefore computed only a few times.
 """
 
 from __future__ import annotations
@@ -31,11 +31,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 ROWS_A_BLOCK = 1 << 18
-"""Number of scenarios that are evaluated and written at once.  They need some tens of megabytes."""
+"""Number of scenarios that are evaluated and written at once. They need tens of megabytes of
+memory.
+"""
 
 ROWS_ALONE = 1 << 10
-"""Number of scenarios of a block if all are solved one by one.  It is the work that an interruption
-loses, and the work that a worker gets at once.
+"""Number of scenarios of a block in which all scenarios are solved one by one. An interruption
+loses the work on at most one block, and a worker gets one block at a time.
 """
 
 SPREADSHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
@@ -47,10 +49,10 @@ ROOM_OCTETS, THREAD_OCTETS = 1_250_000_000, 50_000_000
 """Address space that polars reserves for a block, and for each of its threads [bytes]."""
 
 PLAIN_CELLS = 2_000_000
-"""Number of cells that every Parquet file may have, for any size of the file."""
+"""A Parquet file may have this number of cells, whatever its size."""
 
 CELLS_A_BYTE = 100
-"""Largest number of cells per byte, for Parquet files with more cells."""
+"""Parquet files with more cells may have at most this number of cells per byte."""
 
 MOST_VALUES = 10_000_000
 """Largest number of values of a range or list."""
@@ -87,8 +89,8 @@ _SEARCHED = (("optimize", "detection"), ("trigger", "best"))
 class _Scenarios:
     """The swept options with their values.
 
-    `alone` is the share of the scenarios that have to be solved one by one.  The larger this share,
-    the smaller are the blocks.
+    `alone` is the share of the scenarios that have to be solved one by one. Blocks are smaller if
+    this share is larger.
     """
 
     values: dict[str, NDArray[Any]]
@@ -335,7 +337,7 @@ def _without_blanks(frame: Any) -> Any:
 def _check_size(frame: Any, path: str) -> None:
     """Refuse a Parquet file with too many cells for its size.
 
-    Parquet stores long runs of one value in a few bytes, so that a small file can have very many
+    Parquet stores long runs of one value in a few bytes. A small file can therefore have very many
     cells.
     """
     columns = len(frame.collect_schema())
@@ -456,7 +458,7 @@ def _check_room() -> None:
         limit = resource.getrlimit(resource.RLIMIT_AS)[0]
         with open("/proc/self/statm", encoding="ascii") as file:
             used = int(file.read().split()[0]) * resource.getpagesize()
-    except (ImportError, AttributeError, OSError):  # This limit is known only on Linux.
+    except (ImportError, AttributeError, OSError):  # Only Linux tells the program this limit.
         return
     needed = ROOM_OCTETS + THREAD_OCTETS * (os.cpu_count() or 1)
     if limit != resource.RLIM_INFINITY and limit - used < needed:

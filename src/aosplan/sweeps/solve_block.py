@@ -150,8 +150,8 @@ def _reason(pl: Any, reason: NDArray[np.int32], texts: list[str]) -> Any:
 
 
 def _alike(block: Block) -> Iterator[tuple[Block, NDArray[np.intp] | None]]:
-    """Split a block into parts whose rows give the same options.  Each part has the indices of its
-    rows; None means all rows.
+    """Split a block into parts. The rows of a part give values for the same options. Each part has
+    the indices of its rows; None means all rows.
     """
     holes = {
         name: np.array([value is None for value in column.flat])

@@ -1,4 +1,4 @@
-"""Solution of scenarios one at a time, for scenarios that the vectorized solver cannot solve.
+"""Solution of scenarios one by one, if the vectorized solver cannot solve them.
 
 Scenarios with the same scene and altitude are solved one after the other, even if they are not
 neighbours.  They share the results of models: views of voxels, correlograms, and predictions.  For
@@ -121,7 +121,8 @@ def solve_rows(
         alike.setdefault(tuple(each.get(name) for name in GEOMETRY), []).append(place)
     outcomes: dict[int, Outcome] = {}
     for places in alike.values():
-        memo = Memo()  # Each group has a new memo, because views need much memory.
+        # Each group of scenarios has a new memo, because stored views need much memory.
+        memo = Memo()
         for place in places:
             outcomes[place] = solve_row(values[place], folder, results, memo)
     return [outcomes[place] for place in range(len(values))]
@@ -145,7 +146,7 @@ def solve_row(
             inputs,
             memo=memo,
             count_required="samples_required" in results,
-            seek_remedy=False,  # The result has no column for hints.
+            seek_remedy=False,  # The result does not have a column for hints.
         )
         found = _results(solved, *_flight(solved))
         if inputs.find is not None and not set(DETECTION).isdisjoint(results):
@@ -161,7 +162,7 @@ def scene_for(request: PlanRequest, folder: str) -> LoadedScene:
     """The scene of a request.  It is read once for all rows with the same scene."""
     key = (folder, *(getattr(request, name) for name in SCENE))
     found = _scenes.get(key)
-    if found is None:  # Two threads may have read the same scene.
+    if found is None:  # Another thread may have read the same scene in the meantime.
         if len(_scenes) >= MOST_SCENES:
             _scenes.clear()
         found = load_scene(request, folder=folder)

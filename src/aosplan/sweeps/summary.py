@@ -1,9 +1,9 @@
 """Summary of the results of a sweep, computed while it runs, without storing rows.
 
-Each part is summarised separately, and the summaries are added.  The addition is exact, so that the
-result does not depend on the order and size of the parts.  Counts are integers.  Sums are also
-integers, in units of the smallest float (`exact_sum`).  An extreme is a value and the first row
-that has this value.  Medians are computed from counts in fixed bins, as in HdrHistogram.  They are
+Each part is summarised separately, and the summaries are added. The addition is exact. The result
+therefore does not depend on the order and the size of the parts. Counts are integers. Sums are also
+integers, in units of the smallest float (`exact_sum`). An extreme is a value and the first row that
+has this value. Medians are computed from counts in fixed bins, as in HdrHistogram. They are
 approximate, with a relative error of at most `MEDIAN_ERROR`.
 """
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable
 
 MOST_REASONS = 100
-"""Largest number of kinds of reasons; the first in alphabetical order are kept."""
+"""Largest number of kinds of reasons; the first kinds in alphabetical order are kept."""
 
 BITS = 8
 """Number of leading bits of a float's fraction that determine its bin."""
@@ -55,7 +55,7 @@ Extreme = tuple[float, int]
 
 
 class ResultSummary(NamedTuple):
-    """One result over the kept rows: number of rows that have it, sum, and extremes."""
+    """One result over the kept rows: number of rows that have this result, sum, and extremes."""
 
     known: int = 0
     total: int = 0
@@ -63,7 +63,7 @@ class ResultSummary(NamedTuple):
     most: Extreme | None = None
 
     def __add__(self, other: object) -> ResultSummary:
-        """The summary over the rows of both."""
+        """The summary over the rows of both summaries."""
         assert isinstance(other, ResultSummary)
         return ResultSummary(
             self.known + other.known,
@@ -108,7 +108,7 @@ def _added(first: Mapping[Any, int], second: Mapping[Any, int]) -> dict[Any, int
 
 
 class Reason(NamedTuple):
-    """A kind of reason: the number of its scenarios, and the first of these scenarios."""
+    """A kind of reason: the number of scenarios with it, and the first of these scenarios."""
 
     scenarios: int
     row: int
@@ -136,7 +136,7 @@ class Summary(NamedTuple):
     groups: tuple[tuple[GroupSummary, ...], ...]
 
     def joined(self, other: Summary, *, most: bool) -> Summary:
-        """The summary of the scenarios of both."""
+        """The summary of the scenarios of both summaries."""
         reasons = dict(self.reasons)
         for kind, reason in other.reasons.items():
             reasons[kind] = reasons[kind] + reason if kind in reasons else reason
@@ -144,8 +144,8 @@ class Summary(NamedTuple):
             self.scenarios + other.scenarios,
             self.rows + other.rows,
             _added(self.statuses, other.statuses),
-            # `MOST_REASONS` kinds precede each kind that is dropped, so that it is dropped from all
-            # later sums too.
+            # A kind that is dropped is preceded by `MOST_REASONS` kinds, here and in all later
+            # sums.
             dict(sorted(reasons.items())[:MOST_REASONS]),
             {name: self.columns[name] + other.columns[name] for name in self.columns},
             tuple(
@@ -328,7 +328,8 @@ def _grouped(
     size = len(rated.distinct)
     table = np.bincount(own * size + rated.bins, minlength=groups.size * size)
     table = table.reshape(groups.size, size)
-    # Bins have the order of their values. The best is in the last or first occupied bin.
+    # Bins are in the order of their values. The best value is therefore in the last or in the first
+    # occupied bin.
     last = size - 1 - (table[:, ::-1] > 0).argmax(axis=1) if most else (table > 0).argmax(axis=1)
     nearest = np.flatnonzero(rated.bins == last[own])
     best = np.full(groups.size, -math.inf if most else math.inf)
@@ -490,7 +491,7 @@ class AggregationPlan(NamedTuple):
         )
 
     def joined(self, first: Aggregates, second: Aggregates) -> Aggregates:
-        """The aggregates of the parts of both."""
+        """The aggregates of the parts of both arguments."""
         rows = 0 if self.drawing is None else self.drawing.rows
         return Aggregates(
             first.summary.joined(second.summary, most=self.grouping.most),

@@ -38,9 +38,9 @@ OF_SEVERAL_ROWS = re.compile(
 class Sweep(NamedTuple):
     """The scenarios of a sweep, and the rows to keep.
 
-    `where` is an SQL condition on the columns of the result.  `best` is a column.  In each group of
+    `where` is an SQL condition on the columns of the result. `best` is a column. In each group of
     rows with the same values of `per`, only the row with the largest value of this column is kept.
-    If the name starts with a minus, it is the row with the smallest value.
+    If the name starts with a minus, the row with the smallest value is kept.
     """
 
     scenarios: ScenarioProduct | ScenarioTable
@@ -114,8 +114,8 @@ class Sweep(NamedTuple):
             ) from None
 
     def best_of(self, frame: pl.DataFrame) -> pl.DataFrame:
-        """The best row of each group, in the order of the rows.  If several rows are equally good,
-        it is the first of them.
+        """The best row of each group, in the order of the rows. If several rows are equally good,
+        the first of them is returned.
         """
         if self.best is None:
             return frame

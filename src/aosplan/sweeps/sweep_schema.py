@@ -62,8 +62,8 @@ class GroupDocument(OpenDocument):
     """Summary of the scenarios with one `value` of an input, with numbers from `first` to `last`,
     or with all other values.
 
-    `rows` is the number of kept rows.  `met` is the number of kept rows with a plan, and
-    `met_share` is their share.
+    `rows` is the number of kept rows. `met` is the number of kept rows with a plan, and `met_share`
+    is `met` divided by `rows`.
     """
 
     value: Any = None
@@ -153,9 +153,10 @@ class CheckedRowDocument(ScenarioDocument):
 class VerificationDocument(OpenDocument):
     """A sample of rows with their simulations.
 
-    If predictions and simulations of all rows agree, the worst comparison exceeds `expected_worst`
-    standard errors with probability 1/2, and `critical` standard errors with probability `level`.
-    Rows agree if the probability of the worst comparison is at least `level`.
+    Suppose that the predictions and simulations of all rows agree. Then the worst comparison
+    exceeds `expected_worst` standard errors with probability 1/2, and `critical` standard errors
+    with probability `level`. The rows are said to agree if the probability of the worst comparison
+    is at least `level`.
     """
 
     seed: int

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DECIDING = ("grid", "trigger")
-"""Options whose value determines which other options apply.  For all other options, it matters only
-whether they are given.
+"""Options whose value determines which other options apply. For all other options, only their
+presence matters.
 """
 
 

@@ -2,7 +2,13 @@
 
 **Sample.**  The sample is drawn while the sweep runs, from the kept rows with a plan. For each input with several values, it has a row with the smallest value, a row with the largest value, and a row for each text value. The remaining rows are chosen at random. Each row has a random priority that depends only on its index and the seed. The sample therefore depends only on the sweep and the seed.
 
-**Test.**  The test uses the worst of all comparisons. With many comparisons, the worst one may be large by chance. A comparison is the difference between a prediction and its simulation, minus the systematic error of the experiment, divided by the standard error. Its chance is the probability of a value that is at least as large, by Student's distribution. The distribution has one degree of freedom less than the experiment has samples. The worst of n comparisons has the chance 1 - (1 - chance)ⁿ (Šidák 1967; an upper bound if comparisons depend on each other). The rows disagree if the chance of the worst comparison is below `LEVEL`.
+**Test.** The test uses the worst of all comparisons. With many comparisons, the worst one may be
+large by chance. A comparison is the difference between a prediction and its simulation, minus the
+systematic error of the experiment, divided by the standard error. The chance of a comparison is the
+probability of a value that is at least as large, by Student's distribution. The distribution has
+one degree of freedom less than the experiment has samples. The worst of n comparisons has the
+chance 1 - (1 - chance)ⁿ (Šidák 1967; an upper bound if comparisons depend on each other). The rows
+disagree if the chance of the worst comparison is below `LEVEL`.
 """
 
 from __future__ import annotations
@@ -55,13 +61,15 @@ class SamplingPlan(NamedTuple):
 
 
 class RowSample(NamedTuple):
-    """Rows that were drawn from some scenarios: random rows, and the best row for each stratum."""
+    """Rows that were drawn from some scenarios: random rows, and the row nearest to the extreme of
+    each stratum.
+    """
 
     random: tuple[tuple[int, int], ...] = ()
     strata: Mapping[str, Drawn] = {}
 
     def joined(self, other: RowSample, *, rows: int) -> RowSample:
-        """The rows drawn from the scenarios of both."""
+        """The rows that are drawn from the scenarios of both samples."""
         strata = dict(self.strata)
         for name, drawn in other.strata.items():
             strata[name] = min(drawn, strata.get(name, drawn))
@@ -210,7 +218,7 @@ class Check(NamedTuple):
             if not (math.isfinite(value) and math.isfinite(error)):
                 continue
             difference = value - float(getattr(predicted, name))
-            # Differences because of rounding and because of voxels are subtracted.
+            # Differences that are caused by rounding and by voxels are subtracted.
             excess = max(abs(difference) - self.simulation.tolerance[name] - 1e-9, 0.0)
             if error == 0.0 and excess == 0.0:
                 continue  # Nothing is hidden, or everything is hidden.
@@ -271,7 +279,7 @@ class Verification(NamedTuple):
 
     @property
     def worst(self) -> Comparison | None:
-        """The comparison whose difference is the least likely by chance."""
+        """The comparison whose difference is least probable by chance."""
         return min(
             self.comparisons, key=lambda each: (each.chance, -each.standard_errors), default=None
         )
@@ -306,7 +314,8 @@ class Verification(NamedTuple):
 def _comparison(found: Comparison) -> dict[str, Any]:
     values = found._asdict() | {"row": found.row + 1}
     return {
-        name: None if value == math.inf else value  # Without variation, there is no standard error.
+        # If the samples do not vary, there is no standard error.
+        name: None if value == math.inf else value
         for name, value in values.items()
     }
 

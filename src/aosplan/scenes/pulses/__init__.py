@@ -13,8 +13,9 @@ of a stand transmits.  Each module performs one step, in this order:
 - `aosplan.scenes.pulses.trace`: computes the path of each pulse through the voxels up to its last
   return.
 - `aosplan.scenes.pulses.attenuation`: estimates the attenuation of each voxel, and a scale factor
-  for all of them.
+  for all voxels.
 - `aosplan.scenes.pulses.realise`: draws a volume of opaque and empty cells of leaf size from a
   random seed.
-- `aosplan.scenes.pulses.fit`: executes all steps, and reports the reason if pulses cannot be used.
+- `aosplan.scenes.pulses.fit`: executes all steps. If the pulses cannot be used, it reports the
+  reason.
 """

@@ -1,26 +1,29 @@
-"""Attenuation of each voxel from intercepted energy and path lengths, and its scale factor.
+"""Attenuation of each voxel, estimated from intercepted energy and path lengths, and its scale
+factor.
 
-For each voxel, I is the energy that is intercepted in it, and L is the sum of weight times path
-length in it.  The maximum likelihood estimate of the attenuation λ [1/m] is I/L.  This estimate is
-uncertain if few rays cross the voxel.  It is therefore shrunk towards the attenuation λ_parent of
-the block of 2 x 2 x 2 voxels that contains the voxel: λ = (I + a)/(L + a/λ_parent).  The
-attenuation of a block is shrunk in the same way, towards that of a larger block.  The largest
-blocks are at most 4 m wide; they are shrunk towards the attenuation of their whole layer.
+For each voxel, I is the energy that is intercepted in the voxel. L is the sum, over the pulses, of
+weight times path length in the voxel. The maximum likelihood estimate of the attenuation λ [1/m] is
+I/L. This estimate is uncertain if few rays cross the voxel. It is therefore shrunk towards the
+attenuation λ_parent of the block of 2 x 2 x 2 voxels that contains the voxel: λ = (I + a)/(L +
+a/λ_parent). The attenuation of a block is shrunk in the same way, towards the attenuation of a
+larger block. The largest blocks are at most 4 m wide. They are shrunk towards the attenuation of
+their whole layer.
 
-Shrinkage moves a little attenuation from crowns into the gaps beside them.  In a single voxel this
-is not visible, but a gap extends from the ground to the top: together, the λ of its voxels predict
-more interception than was measured.  All λ of a column are therefore multiplied by a factor, the sum
-of I divided by the sum of λ L over its voxels.  This factor is shrunk towards those of larger square
-blocks of columns in the same way.  Without it, the contrast between crowns and gaps is too low at all
-distances, and views are less correlated than below real leaves.
+Shrinkage moves a little attenuation from crowns into the gaps beside them. In a single voxel, the
+effect is negligible. However, a gap extends from the ground to the top, and all its voxels together
+predict more interception than was measured. All λ of a column are therefore multiplied by a factor,
+the sum of I divided by the sum of λ L over its voxels. In the same way, this factor is shrunk
+towards the factors of larger square blocks of columns. Without the factor, the contrast between
+crowns and gaps would be too low, and the correlation of views would be lower than below real
+leaves.
 
 The strengths of both shrinkages are chosen such that each half of the pulses predicts the other
 half as well as possible.
 
-The mean transmission that follows from these λ differs slightly from the measured transmission,
-because leaves are clumped within voxels and λ is uncertain.  A scale factor for all λ corrects this
-on average.  It is found by cross-fitting: the transmission of each quarter of the pulses is
-predicted with the λ from the other three quarters.
+The mean transmission that is computed from these λ differs slightly from the measured transmission,
+because leaves are clumped within voxels and λ is uncertain. A scale factor for all λ corrects the
+mean. It is found by cross-fitting: the transmission of each quarter of the pulses is predicted with
+the λ from the other three quarters.
 """
 
 from __future__ import annotations
@@ -39,10 +42,12 @@ if TYPE_CHECKING:
 
 COARSEST_M = 4.0
 STRENGTHS = (0.1, 0.2, 0.3, 0.4, 0.6)
-"""Strengths of the shrinkage of voxels from which one is chosen."""
+"""Possible strengths of the shrinkage of voxels, from which one is chosen."""
 
 COLUMN_STRENGTHS = (3.0, 0.3, 1.0, 10.0, 30.0)
-"""The same for the factors of columns; the strength of voxels is chosen with the first one."""
+"""Possible strengths of the shrinkage of the factors of columns. The first one is used while the
+strength for voxels is chosen.
+"""
 
 SCALES = (0.02, 50.0)
 
@@ -64,7 +69,7 @@ class Strengths(NamedTuple):
 
 
 def total(parts: Sequence[VoxelSums]) -> VoxelSums:
-    """The total of the sums of several parts of the pulses."""
+    """Add up the sums of several parts of the pulses."""
     intercepted, path_m = (np.sum(each, axis=0) for each in zip(*parts, strict=True))
     return VoxelSums(intercepted, path_m)
 
@@ -91,7 +96,7 @@ def attenuation(sums: VoxelSums, strengths: Strengths, voxel_m: float) -> Single
 
 
 def _pyramid(sums: VoxelSums, strength: float, voxel_m: float) -> Singles:
-    """I/L of each voxel, shrunk towards that of larger and larger blocks."""
+    """I/L of each voxel, shrunk towards the values of larger and larger blocks."""
     levels = [sums]
     edge_m = voxel_m
     while 2.0 * edge_m <= COARSEST_M * 1.001:
@@ -138,8 +143,8 @@ def _grown(values: Singles, shape: tuple[int, ...]) -> Singles:
 
 
 def best_strengths(halves: tuple[VoxelSums, VoxelSums], voxel_m: float) -> Strengths:
-    """Find strengths of the two shrinkages, such that each half of the pulses predicts the other
-    half as well as possible.
+    """Find the strengths of the two shrinkages with which each half of the pulses predicts the
+    other half best.
 
     The log-likelihood of a half is that of a Poisson process along its paths: Σ I log λ - L λ.
     """
@@ -162,7 +167,8 @@ def best_strengths(halves: tuple[VoxelSums, VoxelSums], voxel_m: float) -> Stren
 
 
 def scale_for(depths: Floats, gap: float) -> float:
-    """Factor for optical depths with which their mean transmission equals a gap fraction.
+    """Factor by which optical depths have to be multiplied so that their mean transmission equals a
+    gap fraction.
 
     Parameters
     ----------

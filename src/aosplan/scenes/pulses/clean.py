@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from aosplan.scenes.pulses.returns import Returns
 
 LOW_SHARE = 0.005
-"""Smallest share of last returns that are below the cut, in a flight line whose pulses reached the
-ground.
+"""The pulses of a flight line are assumed to reach the ground if at least this share of its last
+returns is below the cut.
 """
 
 LONGEST_PAUSE_S = 5.0
-"""A flight line is split at each pause in which the sensor recorded no return of the stand for
-longer than this.
+"""A flight line is split at each pause that is longer than this. A pause is a time without returns
+from the stand.
 """
 
 
@@ -42,7 +42,9 @@ def without_duplicates(returns: Returns) -> Returns:
 
 
 def _mixed(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Mix the bits of keys (the finaliser of MurmurHash3), so that few keys collide."""
+    """Mix the bits of keys (the finaliser of MurmurHash3). Few of the results are equal for
+    different keys.
+    """
     key = (key ^ (key >> np.uint64(33))) * np.uint64(0xFF51AFD7ED558CCD)
     key = (key ^ (key >> np.uint64(33))) * np.uint64(0xC4CEB9FE1A85EC53)
     mixed: NDArray[np.uint64] = key ^ (key >> np.uint64(33))
@@ -66,8 +68,8 @@ def split_lines(returns: Returns, *, timed: bool) -> Returns:
 def lines_with_ground(returns: Returns, low: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask of the returns in flight lines whose last returns reach the ground.
 
-    If a cloud was clipped by height or by class, some lines have no low returns.  Every pulse of
-    such a line would count as intercepted.
+    If a cloud was clipped by height or by class, some lines do not have low returns. If these lines
+    were used, every pulse in them would count as intercepted.
     """
     last = returns.number == returns.total
     lines = int(returns.line.max(initial=-1)) + 1

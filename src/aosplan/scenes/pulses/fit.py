@@ -1,5 +1,5 @@
-"""Fit of a volume of opaque and empty cells to the pulses of a point cloud: executes all steps in
-order.
+"""Fit of a volume of opaque and empty cells to the pulses of a point cloud. This module executes
+all steps in order.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ FEWEST_PULSES = 1000
 FEWEST_A_M2 = 2.0
 LEAST_COMPLETE = 0.5
 FEWEST_THROUGH = 500
-"""Smallest number of pulses that cross the whole canopy within the plot.  If there are fewer, other
-pulses are also used to find the scale.
+"""Smallest number of pulses that cross the whole canopy within the plot. If there are fewer such
+pulses, other pulses are also used to find the scale.
 """
 
 LEAST_COSINE = 0.2
@@ -55,10 +55,12 @@ parts.
 
 FOLD_SEED = 1
 HALF_SEEDS = 2, 3
-"""Random seeds of the cells of either half of the pulses, which consists of every other part."""
+"""Random seeds for the cells of the two halves of the pulses. Each half consists of every other
+part.
+"""
 
 DENSE_PER_M = np.float32(2.0)
-"""Attenuation of dense foliage: a metre of it lets a seventh through."""
+"""Attenuation of dense foliage [1/m]. One metre of it transmits a seventh of the light."""
 
 ENERGIES = ("first", "weighted", "last")
 
@@ -80,9 +82,9 @@ class PulseVolume(NamedTuple):
     cell_m
         Edge of a cell.
     opacity
-        How the opacity was found.
+        The method by which the opacity was found.
     halves
-        Opaque cells by either random half of the pulses; None if they were not asked for.
+        Opaque cells from each random half of the pulses; None if they were not requested.
     """
 
     occupied: NDArray[np.bool_]
@@ -102,7 +104,7 @@ class Beams(NamedTuple):
     energy
         Shape (n,): energy of each return.
     low
-        Shape (n,): whether a return is below the cut, so that it is treated as ground.
+        Shape (n,): whether a return is below the cut. Such a return is treated as ground.
     to_sensor
         Shape (3, P): unit vectors from the last return of each pulse to the sensor.
     kind
@@ -153,9 +155,9 @@ class AttenuationField(NamedTuple):
     sampled
         Share of the voxels between cut and top that pulses crossed.
     halves
-        λ by either half of the pulses, to be scaled like `rate`.
+        λ from each half of the pulses, before scaling.
     passed
-        Voxels that a pulse of either half has passed.
+        Voxels through which at least one pulse of either half has passed.
     """
 
     rate: NDArray[np.float32]
@@ -184,8 +186,8 @@ def volume_from_pulses(
     files
         Point clouds of the stand.
     grid
-        Voxels above the ground.  Their number of slices is ignored, and is determined from the
-        pulses.
+        Voxels above the ground. The number of slices in it is ignored, because it is determined
+        from the pulses.
     origin_m
         Shape (3,): the corner of the plot, which is the origin of the grid.
     leaf_m
@@ -195,7 +197,7 @@ def volume_from_pulses(
     points
         Number of returns of the plot.  If it is large, only a share of the pulses is traced.
     halves
-        Whether to realise either half of the pulses as well, each from a seed of its own.
+        Whether opaque cells are also drawn for each half of the pulses, with separate seeds.
 
     Raises
     ------
@@ -264,8 +266,8 @@ def sound_beams(
     trajectory: Trajectory | None = None,
     share: float = 1.0,
 ) -> tuple[Beams, trace.VoxelGrid]:
-    """Pulses of the plot: clean and group the returns of some files, find the directions, and
-    select pulses.
+    """Read the usable pulses of the plot. Returns are cleaned and grouped, the directions of pulses
+    are found, and pulses are selected.
 
     Raises
     ------
@@ -338,7 +340,7 @@ def sound_beams(
 def directions(
     returns: Returns, pulses: Pulses, trajectory: Trajectory | None, origin_m: Floats
 ) -> tuple[Floats, NDArray[np.bool_], float | None]:
-    """Unit vectors from the last returns to the sensor, and whether they are reliable.
+    """Unit vectors from the last returns to the sensor, and whether each vector is reliable.
 
     Returns
     -------
@@ -428,8 +430,8 @@ def through_canopy(beams: Beams, grid: trace.VoxelGrid) -> NDArray[np.bool_]:
     """Mask of the pulses that cross the whole canopy within the plot and whose returns are all
     present.
 
-    The canopy outside the plot is unknown.  If there are too few such pulses, the mask has all
-    pulses whose returns are all present.
+    Only these pulses are used, because the canopy outside the plot is unknown. If they are too few,
+    the mask has all pulses whose returns are all present.
     """
     whole = beams.returns.number[beams.pulses.first] == 1
     last = beams.returns.xyz_m[:, beams.pulses.last]

@@ -1,4 +1,6 @@
-"""Grouping of returns into pulses by file order and return number, and the energy of returns."""
+"""Grouping of returns into pulses, by file order and return number, and the energy of
+the returns.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,8 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 SAME_TIME_S = 1e-6
-"""Largest time difference between returns of one pulse.  It is the interval between pulses of the
-fastest lasers.
+"""Largest difference between the times of returns of one pulse. It equals the interval between
+pulses of the fastest lasers.
 """
 
 PLAUSIBLE_SUM = 0.15
@@ -88,7 +90,7 @@ def _in_order(returns: Returns, *, timed: bool) -> tuple[Pulses, float]:
 
 
 def equal_energies(returns: Returns) -> Floats:
-    """Energy of each return if all n returns of a pulse have equal energies: 1/n."""
+    """Energy of each return, assuming that all n returns of a pulse have the same energy 1/n."""
     energies: Floats = 1.0 / np.maximum(returns.total, 1)
     return energies
 
@@ -97,10 +99,10 @@ def intensity_energies(returns: Returns, pulses: Pulses, low: NDArray[np.bool_])
     """Energy of each return from its intensity; None if the intensities are not consistent.
 
     The intensity is divided by the mean intensity of single returns of the same kind (ground or
-    canopy), which have all the energy of their pulses.  If intensity measures energy, the resulting
-    energies of a pulse with several returns add up to about 1.  The sum is larger if the instrument
-    adjusted its gain or recorded ranks instead of intensities.  In this case the result is None.
-    Finally, the energies of each pulse are normalised to the sum 1.
+    canopy), which have all the energy of their pulses. If intensity is proportional to energy, the
+    resulting energies of a pulse with several returns add up to about 1. The sum is larger if the
+    instrument adjusted its gain or recorded ranks instead of intensities. In this case the result
+    is None. Finally, the energies of each pulse are normalised to the sum 1.
 
     Parameters
     ----------

@@ -21,17 +21,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SEED = 1
-"""Random seed of the cells.  It is constant, so that the same cloud always gives the same stand."""
+"""Random seed of the cells. It is constant, because the same cloud should always give the same
+stand.
+"""
 
 LEAF_M = 0.06
 """Default edge of a cell.  Sizes up to 0.1 m make little difference to a prediction."""
 
 MOST_CELLS = 400_000_000
-"""Largest number of cells of a volume.  Larger plots get larger cells."""
+"""Largest number of cells of a volume. On larger plots, the cells are larger."""
 
 
 def leaf_size_for(size_m: tuple[float, float], slices: int) -> float:
-    """Edge of a cell [m] for a plot: `LEAF_M`, or larger to limit the number of cells."""
+    """Edge length of a cell [m] for a plot: `LEAF_M`, or more if the number of cells has to be
+    limited.
+    """
     width, depth = size_m
     return max(LEAF_M, math.sqrt(width * depth * max(slices, 1) / MOST_CELLS))
 

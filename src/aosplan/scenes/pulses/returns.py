@@ -64,7 +64,7 @@ cross the edge of the plot.
 """
 
 BLOCK = 1024
-"""Number of consecutive records that are kept or left out together if they have no times."""
+"""If records do not have times, this number of consecutive records is kept or left out together."""
 
 
 def read_returns(
@@ -73,8 +73,8 @@ def read_returns(
     size_m: tuple[float, float] | None = None,
     share: float = 1.0,
 ) -> tuple[Returns, bool]:
-    """The returns of a plot, without noise.  They are those of all its pulses, or of a random share
-    of its pulses.
+    """Read the returns of a plot, without noise: the returns of all its pulses, or of a random
+    share of its pulses.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
 """Positions of the sensor, computed from pulses with several returns.
 
-The line through the first and the last return of a pulse passes through the sensor.  In each flight
-line, the sensor is assumed to move with constant velocity: S(t) = S₀ + V t.  S₀ and V are found by
-a robust fit (Tukey's biweight), which minimises the distances from the sensor to these lines.  The
-weight of a pulse contains the square of the distance between its two returns.
+The straight line through the first and the last return of a pulse passes through the sensor. In
+each flight line, the sensor is assumed to move with constant velocity: S(t) = S₀ + V t. S₀ and V
+are found by a robust fit (Tukey's biweight), which minimises the distances between the sensor and
+the lines of the pulses. The weight of a pulse contains the square of the distance between its two
+returns.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ MOST_PULSES = 20_000
 
 
 class SensorTrack(NamedTuple):
-    """Motion of the sensor in one flight line: position at time `middle_s`, and velocity.
+    """Motion of the sensor in one flight line: its position at time `middle_s`, and its velocity.
 
     `residual_deg` is the median angle between the pulses and the directions to the sensor.
     """
@@ -55,7 +56,7 @@ class SensorTrack(NamedTuple):
     pulses: int
 
     def at(self, time_s: Floats) -> Floats:
-        """Positions at some times, shape (3, n)."""
+        """Positions of the sensor at the given times, shape (3, n)."""
         since = time_s - self.middle_s
         places: Floats = self.position_m[:, np.newaxis] + self.velocity_mps[:, np.newaxis] * since
         return places
@@ -82,14 +83,14 @@ def fitted(returns: Returns, pulses: Pulses) -> SensorTrack | None:
     time_s = returns.time_s[pulses.first[used]]
     middle_s = float(np.median(time_s))
     spread_s = max(float(np.ptp(time_s)), 1e-9)
-    # The times are scaled to about 1, so that the equations are well conditioned.
+    # The times are scaled to about 1, because the equations are then well conditioned.
     since = (time_s - middle_s) / spread_s
     found = _start(middle, direction, since, length)
     for _ in range(ROUNDS):
         place = found[:3, np.newaxis] + found[3:, np.newaxis] * since
         angle, distance = _angles(place - middle, direction)
-        # The error of an angle is the position error of the returns divided by the distance between
-        # them.
+        # The error of the angle of a pulse is the position error of its returns divided by the
+        # distance between them.
         scaled = angle * length
         # If the errors along two axes are normal, the distance is Rayleigh distributed, with the
         # median 1.1774 σ.
@@ -114,9 +115,10 @@ def fitted(returns: Returns, pulses: Pulses) -> SensorTrack | None:
 def _start(middle: Floats, direction: Floats, since: Floats, length: Floats) -> Floats:
     """Start values of S₀ and V for the robust fit.
 
-    They are fitted to many small random samples of pulses, and the values that fit most pulses are
-    chosen.  A least-squares fit to all pulses would be dominated by outliers.  An outlier arises if
-    returns of two pulses were grouped into one pulse, because such returns are far apart.
+    They are fitted to many small random samples of pulses, and the values that fit the largest
+    number of pulses are chosen. A least-squares fit to all pulses would be dominated by outliers.
+    An outlier is caused by returns of two pulses that were grouped into one pulse, because such
+    returns are far apart.
     """
     rng = np.random.Generator(np.random.PCG64(DRAW_SEED))
     judges = rng.choice(length.size, min(length.size, JUDGES), replace=False)
@@ -127,7 +129,7 @@ def _start(middle: Floats, direction: Floats, since: Floats, length: Floats) -> 
         place = found[:3, np.newaxis] + found[3:, np.newaxis] * since[judges]
         to_sensor = place - middle[:, judges]
         angle, _ = _angles(to_sensor, direction[:, judges])
-        # The sensor is above the returns, so other directions are wrong.
+        # The sensor is above the returns, so directions to sensors below them are wrong.
         angle[to_sensor[2] < 0.0] = np.pi
         missed = float(np.median(angle * length[judges]))
         if missed < least:

@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 PIECE_M = 2.0
-"""Difference in height between two evaluations of the height of the ground along a path."""
+"""Along a path, the height of the ground is evaluated each time the path has risen or fallen by
+this height.
+"""
 
 PIECES_AT_ONCE = 1 << 16
 """Number of lengths within voxels that are processed at once."""
@@ -61,8 +63,8 @@ class VoxelGrid(NamedTuple):
         return self.slices, self.ground_m.shape[0] - 1, self.ground_m.shape[1] - 1
 
     def heights_m(self, xyz_m: Floats) -> Floats:
-        """Height above the ground, shape (n,).  For a point outside the plot, the ground is that at
-        the nearest point of the edge.
+        """Height above the ground, shape (n,). For a point outside the plot, the ground at the
+        nearest point of the edge is used.
         """
         rows, columns = self.shape[1:]
         x = np.clip(xyz_m[0] / self.voxel_m + FACE, 0.0, columns)
@@ -80,7 +82,7 @@ class VoxelGrid(NamedTuple):
         return heights
 
     def inside(self, xyz_m: Floats) -> NDArray[np.bool_]:
-        """Whether points are above the plot, rather than beside it."""
+        """Mask of the points that are above the plot and not beside it."""
         x, y = xyz_m[0], xyz_m[1]
         within: NDArray[np.bool_] = (x >= 0.0) & (x <= self.size_m[0])
         within &= (y >= 0.0) & (y <= self.size_m[1])
@@ -124,7 +126,9 @@ class Paths(NamedTuple):
 
 
 class Lengths(NamedTuple):
-    """Lengths of paths within voxels, shape (n,): the piece, the voxel, and the true length."""
+    """Lengths of paths within voxels: the index of the piece, the index of the voxel, and the true
+    length, each of shape (n,).
+    """
 
     piece: NDArray[np.intp]
     cell: NDArray[np.intp]
@@ -188,8 +192,8 @@ def paths_to_ground(returns: Returns, pulses: Pulses, to_sensor: Floats, grid: V
 
 
 def _entries(points: Floats, to_sensor: Floats, grid: VoxelGrid) -> Floats:
-    """Points above the canopy on the lines to the sensor.  A point that is already above the canopy
-    is returned unchanged.
+    """For each point, the place above the canopy on its line to the sensor. A point that is already
+    above the canopy is returned unchanged.
     """
     top = points_at_height(points, to_sensor, grid, grid.slices * grid.voxel_m)
     entries: Floats = np.where(top[2] > points[2], top, points)
@@ -199,8 +203,8 @@ def _entries(points: Floats, to_sensor: Floats, grid: VoxelGrid) -> Floats:
 def _cut(
     owner: NDArray[np.intp], begin: Floats, end: Floats, weight: Floats, grid: VoxelGrid
 ) -> Paths:
-    """Cut legs into pieces of limited height.  Both ends of a piece get their height above the
-    ground.
+    """Cut the legs of paths into pieces of limited height. The heights of both ends of a piece are
+    converted to heights above the ground.
     """
     count = np.ceil(np.abs(begin[2] - end[2]) / PIECE_M).astype(np.intp)
     np.maximum(count, 1, out=count)
@@ -226,11 +230,12 @@ def _cut(
 
 
 def lengths_in_voxels(paths: Paths, grid: VoxelGrid) -> Iterator[Lengths]:
-    """Yield the lengths of paths within voxels, in blocks of some pieces.
+    """Yield the lengths of paths within voxels, in blocks of several pieces.
 
     Lengths outside the volume are left out.
     """
-    # From here on, the unit of length is the voxel. The cut is treated as an additional face.
+    # From here on, the unit of length is the edge of a voxel. The cut is treated as an additional
+    # face between voxels.
     start, end = paths.start / grid.voxel_m + FACE, paths.end / grid.voxel_m + FACE
     crossings = (np.abs(np.floor(end) - np.floor(start))).sum(axis=0).astype(np.intp) + 2
     bounds = np.cumsum(crossings)

@@ -35,7 +35,7 @@ class Trajectory(NamedTuple):
     xyz_m: Floats
 
     def covers(self, time_s: Floats) -> NDArray[np.bool_]:
-        """Whether times are within the range of times of the file."""
+        """Mask of the times that are within the range of times of the file."""
         within: NDArray[np.bool_] = (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1])
         return within
 

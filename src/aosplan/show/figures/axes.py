@@ -1,4 +1,4 @@
-"""Drawing of figures on Matplotlib axes of the caller, or on a new pyplot figure."""
+"""Draws figures on Matplotlib axes of the caller, or on a new pyplot figure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def axes_or_new(ax: Axes | None, size_in: tuple[float, float]) -> Axes:
-    """The given axes, or those of a new pyplot figure of this size [inches].
+    """The given axes, or the axes of a new pyplot figure of this size [inches].
 
     Raises
     ------
@@ -80,11 +80,13 @@ def plotted(kind: FigureKind, shown: FigureData, ax: Axes | None = None) -> Any:
     with plt.rc_context(settings):
         figure = plt.figure(figsize=(width, width * kind.height), layout="constrained")
         kind.draw(figure, shown, look.theme)
-        # Ticks read their settings when they are drawn for the first time.
+        # The figure is drawn inside the context, because ticks read their settings when they are
+        # drawn for the first time.
         interactive = mpl.is_interactive()
         figure.draw_without_rendering()
-    # The first figure loads the backend. That of a notebook turns the interactive mode on, without
-    # which later figures are not displayed, and the end of the context turned it off.
+    # The first figure loads the backend. The backend of a notebook turns the interactive mode on,
+    # but the end of the context turned it off again. Without this mode, later figures would not be
+    # displayed.
     mpl.interactive(interactive)
     panels = [panel for panel in figure.axes if panel.get_label() != "<colorbar>"]
     return panels[0] if len(panels) == 1 else np.array(panels)

@@ -1,5 +1,5 @@
-"""Conversion of figures to files.  Equal numbers give equal bytes, and the file contains the
-description.
+"""Conversion of figures to files. Figures with equal numbers give files with equal bytes. Each file
+contains the description of the figure.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ EXTRA = "figures"
 FORMATS = (".png", ".svg", ".pdf")
 
 WIDTHS_MM = (140.0, 1000.0)
-"""Smallest and largest width.  In a narrower figure, there is no space beside the text."""
+"""Smallest and largest width of a figure. A narrower figure would not have enough space for the
+text.
+"""
 
 DPIS = (50.0, 1200.0)
 MOST_PIXELS = 100_000_000
@@ -140,8 +142,8 @@ def rendered(
 
 
 def _metadata(form: str, shown: FigureData) -> dict[str, Any]:
-    """Metadata with the title and the description.  They contain nothing that differs between
-    runs.
+    """Metadata with the title and the description. They do not contain anything that differs
+    between runs.
     """
     title, text = printable(shown.title), printable(shown.description())
     if form == "png":

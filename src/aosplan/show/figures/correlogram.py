@@ -1,5 +1,5 @@
-"""Figure of a correlogram: the correlation between the occlusion of two views, by distance and
-direction of their cameras.
+"""Figure of a correlogram: the correlation of two views, by the distance and the direction between
+their cameras.
 """
 
 from __future__ import annotations

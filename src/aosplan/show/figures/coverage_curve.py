@@ -80,7 +80,7 @@ def curve_of(
         raise RequestError("no occluder is above the focal plane")
     knots = statistics_document(scene)["baseline_curve"]
     try:
-        # b/h does not depend on h. Any h above the canopy can be used.
+        # Any h above the canopy can be used, because b/h does not depend on h.
         h = 2.0 * scene.canopy_top_m
         ratio = coverage_baseline(scene.slabs(), h, math.inf, coverage).baseline_m / h
     except InfeasibleError:
@@ -96,8 +96,8 @@ def curve_of(
 
 
 def draw(figure: Figure, shown: BaselineCurve, theme: Theme) -> None:
-    """Draw the share over b/h on a logarithmic axis.  If there is an altitude, a second axis shows
-    b.
+    """Draw the share against b/h on a logarithmic axis. If there is an altitude, a second axis
+    shows b.
     """
     draw_panel(figure.subplots(), shown, theme)
     entitle(figure, shown.title)

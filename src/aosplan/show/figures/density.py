@@ -23,10 +23,10 @@ class DensityFigure(NamedTuple):
     """Densities of layers from bottom to top, and the share of the ground that is hidden by the
     occluders above the bottom of each layer.
 
-    `independent` is this share if the layers are independent.  `measured` is this share in the
-    voxels, or None without voxels.  `hidden_pulses` is the share of the laser pulses' energy that
-    does not reach the ground, according to first, weighted and last returns.  It applies to the
-    angles of the pulses, `pulses_zenith_deg`.  It is None if the opacity is not from pulses.
+    `independent` is this share if the layers are independent. `measured` is this share in the
+    voxels, or None without voxels. `hidden_pulses` is the share of the energy of the laser pulses
+    that does not reach the ground, computed from first, weighted and last returns. This share is
+    for the angles of the pulses, `pulses_zenith_deg`. It is None if the opacity is not from pulses.
     """
 
     scene: str
@@ -72,8 +72,7 @@ class DensityFigure(NamedTuple):
 
 
 def density_of(found: LoadedScene) -> DensityFigure:
-    """Densities of a scene.  If it has voxels, they are those of the slices of its voxels,
-    otherwise those of its layers.
+    """Densities of a scene: of the slices of its voxels if it has voxels, otherwise of its layers.
 
     Raises
     ------

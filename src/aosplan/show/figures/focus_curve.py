@@ -1,4 +1,6 @@
-"""Figure of the agreement of halves of a recording's views, by the height of the focal plane."""
+"""Figure of the agreement between two halves of the views of a recording, by the height of the
+focal plane.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,7 @@ class FocusCurve(NamedTuple):
 
 
 def draw(figure: Figure, shown: FocusCurve, theme: Theme) -> None:
-    """Draw agreement over height, and mark the peaks."""
+    """Draw the agreement against the height, and mark the peaks."""
     panel = figure.subplots()
     panel.plot(shown.heights_m, shown.agreement, color=theme.data[0])
     for index, (name, place, value, deviation) in enumerate(shown.peaks):

@@ -30,8 +30,8 @@ DOTTED_MM = 1.6
 """Smallest spacing on paper for which each waypoint has a dot."""
 
 MOST_NUMBERS = 20
-"""Approximate number of waypoints that are numbered if waypoints are too close together to number
-all of them.
+"""Approximate number of waypoints that are numbered, if they are too close together for all to be
+numbered.
 """
 
 MOST_NUMBERED = 400
@@ -48,9 +48,9 @@ STEPS = (1, 2, 5)
 class GridFigure(NamedTuple):
     """Waypoints and shapes, in metres east and north of the origin.
 
-    A polygon is a tuple of rings.  Its outer ring is the first.  `footprint` is the footprint of a
-    photo at the centre of the grid, or that of the first photo over an area.  `common` is the
-    ground that all photos show.
+    A polygon is a tuple of rings. Its outer ring is the first. `footprint` is the footprint of a
+    photo at the centre of the grid, or of the first photo over an area. `common` is the ground that
+    all photos show.
     """
 
     scene: str
@@ -237,11 +237,11 @@ def draw_panel(panel: Axes, shown: GridFigure, theme: Theme) -> list[Any]:
     span = max(high[0] - low[0], high[1] - low[1])
     panel.set_xlim(low[0], high[0])
     panel.set_ylim(low[1] - 0.1 * span, high[1])
-    # The size of a subfigure is known only from its bounding box.
+    # The size of a subfigure can only be read from its bounding box.
     width, height = panel.figure.bbox.width, panel.figure.bbox.height
     shorter_in = float(min(width, height)) / panel.figure.dpi
-    # Axes beside other panels are smaller than the figure. The factor is needed because the layout
-    # is not final yet.
+    # Axes beside other panels are smaller than the figure. Their size is estimated by this factor,
+    # because the layout is not final yet.
     share = min(panel.get_position().width, panel.get_position().height) / 0.77
     paper_mm = 25.4 * 0.86 * min(share, 1.0) * shorter_in / span
     _ways(panel, shown, theme, paper_mm * _spacing_m(shown))

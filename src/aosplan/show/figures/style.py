@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
 LEAST_CONTRAST = 3.0
-"""Smallest contrast between graphics and their background (WCAG 2.2, 1.4.11).  For text, it is
-4.5.
+"""Smallest contrast between graphics and their background (WCAG 2.2, 1.4.11). For text, the
+smallest contrast is 4.5.
 """
 
 LEAST_STEP = 10.0
@@ -143,7 +143,8 @@ def logarithmic(axis: Axis, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
 def legend_below(figure: Figure | SubFigure, handles: list[Any]) -> None:
     """Add a legend below a figure, with as many columns as fit."""
     longest = max(len(handle.get_label()) for handle in handles)
-    # Width in points: 4.4 for each character, and 36 for the symbol.
+    # The width of an entry in points is estimated as 4.4 for each character, plus 36 for the
+    # symbol.
     column = 4.4 * longest + 36.0
     room = 72.0 * figure.bbox.width / figure.dpi - 12.0
     figure.legend(handles=handles, loc="outside lower left", ncols=max(int(room / column), 1))

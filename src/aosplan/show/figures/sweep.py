@@ -1,4 +1,6 @@
-"""Drawings of a sweep's results: a scatter plot of two columns, or a map of a third column over two."""
+"""Drawings of a sweep's results: a scatter plot of two columns, or a map of a third column over two
+columns.
+"""
 
 from __future__ import annotations
 
@@ -20,13 +22,13 @@ if TYPE_CHECKING:
     from aosplan.show.figures.sweep_results import MapFigure, SweepFigure
 
 FEW = 500
-"""Largest number of points with which points are drawn large."""
+"""If a figure has at most this number of points, they are drawn large."""
 
 MOST_TICKS = 12
 
 WIDE, WIDE_MAP = 30.0, 20.0
-"""If the ratio of the largest value to the smallest value is greater than this, an axis, or the
-colours of a map, are logarithmic.
+"""An axis, or the colours of a map, are logarithmic if the ratio of the largest value to the
+smallest value is greater than this.
 """
 
 LAYOUTS = ((1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (2, 3))

@@ -1,4 +1,6 @@
-"""Columns of a sweep's results: which ones a figure shows, and their names in words."""
+"""Columns of a sweep's results: the choice of the columns that a figure shows, and their names in
+words.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,7 @@ SYMBOLS = {
     "visibility_expected": "visibility V",
     "visibility_normalized": "normalised visibility V̂",
 }
-"""Columns that have a symbol."""
+"""The symbols of columns that have one."""
 
 
 class ColumnChoice(NamedTuple):
@@ -62,7 +64,7 @@ class ColumnChoice(NamedTuple):
 
 
 TRADEOFF = ColumnChoice()
-"""The default figure: flight time over samples."""
+"""The default figure: flight time against samples."""
 
 
 def check_columns(names: Sequence[str], choice: ColumnChoice, *, flags: str = "--") -> None:

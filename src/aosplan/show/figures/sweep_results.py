@@ -1,6 +1,7 @@
-"""The numbers of figures of a sweep: two columns against each other, or a third one over two.
+"""The numbers of figures of a sweep: two columns against each other, or a third column over two
+columns.
 
-The table is streamed.  For any number of rows, only one number per drawn cell is kept in memory.
+The table is streamed. Only one number per drawn cell is in memory, however many rows there are.
 """
 
 from __future__ import annotations
@@ -98,8 +99,8 @@ class ScatterFigure(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """Scenarios with the same x and y: their number, the number of those with a plan, and the mean
-    value of those with a plan.
+    """Scenarios with the same x and y: their number, the number of scenarios with a plan, and the
+    mean value of the scenarios with a plan.
     """
 
     rows: int
@@ -108,8 +109,8 @@ class Cell(NamedTuple):
 
 
 class MapFigure(NamedTuple):
-    """Map of a result over two columns.  It has a cell for each pair of their values; the cell is
-    None if there are no scenarios.
+    """Map of a result over two columns. It has a cell for each pair of values of the columns. A
+    cell without scenarios is None.
     """
 
     x: str
@@ -211,8 +212,8 @@ def results_of(path: str, choice: ColumnChoice = TRADEOFF) -> SweepFigure:
 
 
 def frame_of(lazy: pl.LazyFrame, choice: ColumnChoice = TRADEOFF) -> SweepFigure:
-    """The numbers of a figure of a sweep's rows.  Parameters and errors are those of
-    `results_of`.
+    """The numbers of a figure, computed from the rows of a sweep. Parameters and errors are those
+    of `results_of`.
     """
     check_columns(_collected(lazy.head(0)).columns, choice)
     x, y, value, by = choice
@@ -260,7 +261,7 @@ def _scan(path: str) -> pl.LazyFrame:
 
 
 def _collected(lazy: Any) -> Any:
-    """The rows of a query.  The query is streamed."""
+    """Run a query in streaming mode, and return its rows."""
     exceptions = polars().exceptions
     try:
         try:
@@ -297,8 +298,8 @@ def _scatter(lazy: Any, x: str, y: str, by: str | None) -> ScatterFigure:
         for axis, (name, place) in enumerate((("x", "i"), ("y", "j")))
     ]
     binned = kept.with_columns(*places)
-    # The point of a cell is at the smallest x and y of its rows. A mean would depend on the order
-    # of the rows.
+    # The point of a cell is at the smallest x and the smallest y of its rows. The mean is not used,
+    # because it would depend on the order of the rows.
     corner = pl.min("x", "y")
     front = tuple(_front(binned, x in MORE_IS_BETTER, y in MORE_IS_BETTER))
     if by is None or groups is not None:

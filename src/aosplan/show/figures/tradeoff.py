@@ -82,7 +82,7 @@ def tradeoff_of(plan: Plan) -> TradeoffFigure:
         If there are no occluders.
     """
     rows = plan.tradeoff()
-    # Without occluders, `tradeoff` has raised an error. With occluders, there is a problem.
+    # There is a problem, because `tradeoff` has raised an error if there are no occluders.
     assert plan.problem is not None
     return TradeoffFigure(
         scene=plan.scene.title or plan.scene.name,
@@ -117,18 +117,18 @@ LAST = {
     "visibility": ("samples", "expected", "visibility $V$"),
     "contrast": ("samples", "contrast", "contrast"),
 }
-"""The last panel for objectives that are maximised.  For other objectives, it is time over
-extent.
+"""The last panel, for objectives that are maximised. For other objectives, the last panel shows
+time against extent.
 """
 
 
 def draw(figure: Figure, shown: TradeoffFigure, theme: Theme) -> None:
-    """Draw baseline, extent and time over N, and time over extent."""
+    """Draw baseline, extent and time against N, and time against extent."""
     axes = figure.subplots(2, 2)
     looks = _looks(shown, theme)
     (own,) = (p for p in shown.points if p.chosen)
     last = LAST.get(shown.objective, ("extent_m", "time_s", "flight time [s]"))
-    # a single sample has no baseline
+    # A single sample has no baseline.
     several = [p for p in shown.points if p.samples > 1] or shown.points
     for panel, (x, y, label) in zip(axes.flat, (*PANELS, last), strict=True):
         for grid, look in looks.items():
@@ -139,7 +139,7 @@ def draw(figure: Figure, shown: TradeoffFigure, theme: Theme) -> None:
                 ([not p.meets for p in rows], {"color": theme.muted, "ls": (0, (1, 1.5))}),
                 ([p.front for p in rows], FRONT | {"mfc": look["color"], "mec": theme.text}),
             ):
-                # The line is interrupted at rows that belong to the other line.
+                # Each line is interrupted at the rows that belong to the other line.
                 up = [
                     getattr(p, y) if keep else math.nan for p, keep in zip(rows, kept, strict=True)
                 ]

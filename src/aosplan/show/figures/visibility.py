@@ -1,4 +1,6 @@
-"""Figure of V̂ and V over the number of samples and over the baseline, with a mark at the plan."""
+"""Figure of V̂ and V against the number of samples and against the baseline, with a mark at the
+plan.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,8 @@ POINTS = 24
 
 
 class VisibilityCurve(NamedTuple):
-    """V̂ and V over `x`.  If `x` is the number of samples, `fixed` is the baseline [m]; otherwise
-    `x` is the baseline and `fixed` the number of samples.
+    """V̂ and V as functions of `x`. If `x` is the number of samples, `fixed` is the baseline [m].
+    If `x` is the baseline [m], `fixed` is the number of samples.
     """
 
     fixed: float
@@ -48,8 +50,8 @@ class VisibilityFigure(NamedTuple):
     """Curves around a plan.  The target is None if the plan maximises an objective.
 
     Each curve in `by_samples` has a fixed baseline, and each curve in `by_baseline` has a fixed
-    number of samples.  The first curve has the value of the plan.  `independent_m` is the smallest
-    baseline at which neighbours share no occluder, or None if there is no such baseline.
+    number of samples. The first curve has the value of the plan. `independent_m` is the smallest
+    baseline at which neighbours do not share occluders, or None if there is no such baseline.
     """
 
     scene: str
@@ -97,7 +99,7 @@ class VisibilityFigure(NamedTuple):
 
 
 def _stations(curve: VisibilityCurve, form: str) -> str:
-    """A few points of a curve as text."""
+    """Text with the values at a few points of a curve."""
     places = sorted({0, len(curve.x) // 4, len(curve.x) // 2, len(curve.x) - 1})
     return ", ".join(form.format(curve.x[at], curve.normalized[at]) for at in places)
 
@@ -202,7 +204,9 @@ def _fits(problem: Problem, extent_m: float) -> bool:
 
 
 def draw(figure: Figure, shown: VisibilityFigure, theme: Theme) -> None:
-    """Draw two columns of panels, over N and over b.  In each column, V̂ is above V."""
+    """Draw two columns of panels, against N and against b. In each column, the panel of V̂ is above
+    the panel of V.
+    """
     axes = figure.subplots(2, 2, sharex="col", sharey="row")
     quantities = (
         ("normalized", r"normalised visibility $\hat{V}$"),

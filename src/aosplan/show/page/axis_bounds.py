@@ -19,7 +19,9 @@ class AxisBound(NamedTuple):
 
 
 def baseline_bounds(problem: Problem, pattern: AnyPattern) -> list[AxisBound]:
-    """Baselines that are marked: limits, and the baseline beyond which there is no gain."""
+    """Baselines that are marked: the limits of the baseline, and the baseline beyond which the
+    visibility does not increase.
+    """
     model, bounds = problem.model, problem.bounds
     found = [
         AxisBound(model.independent_baseline_m / pattern.nearest, "neighbours share no occluder"),
@@ -34,7 +36,7 @@ def baseline_bounds(problem: Problem, pattern: AnyPattern) -> list[AxisBound]:
 
 
 def sample_bounds(problem: Problem, solution: Solution) -> list[AxisBound]:
-    """Numbers of samples that are marked: limits, and the required number."""
+    """Numbers of samples that are marked: the limits of this number, and the required number."""
     bounds, required = problem.bounds, solution.samples_required
     found = [] if required is None else [AxisBound(required, "fewest that meet the target")]
     if bounds.max_samples is not None:

@@ -28,7 +28,7 @@ class Tick(NamedTuple):
 
 
 FEW, COUNTED = 12, 2000
-"""Number of points of a curve for a measured stand, and largest total number of photos of its
+"""Number of points of a curve for a measured stand, and largest total number of photos of all its
 points.
 
 For every photo of every point, all voxels are counted.  If `FEW` points would have more than
@@ -36,7 +36,9 @@ For every photo of every point, all voxels are counted.  If `FEW` points would h
 """
 
 MANY = 10_000
-"""Largest number of photos of a plan for which the curve extends to twice this number."""
+"""If a plan has at most this number of photos, the curve extends to twice the number of
+the plan.
+"""
 
 APART = 13.0
 """Vertical distance between labels."""
@@ -89,13 +91,15 @@ class Chart(NamedTuple):
 
 
 def charts_of(plan: Plan) -> list[Chart]:
-    """Charts of visibility over samples and over baseline; empty if there are no occluders."""
+    """Charts of visibility against samples and against the baseline; empty if there are no
+    occluders.
+    """
     problem, solution = plan.problem, plan.solution
     if problem is None or solution.baseline_m == 0.0 or plan.guided is not None:
         return []
     samples, baseline = solution.pattern.samples, solution.baseline_m
     bounds = baseline_bounds(problem, solution.pattern)
-    # Only the first curve of each kind is computed. It is the curve of the plan.
+    # Only the first curve of each kind is needed, which is the curve of the plan.
     rising = problem.model.rises_with_baseline
     points = POINTS if rising else min(max(COUNTED // samples, FEW // 2), FEW)
     many = next(by_samples(problem, _most_samples(samples), baseline, samples, points), None)
@@ -129,7 +133,9 @@ def charts_of(plan: Plan) -> list[Chart]:
 
 
 def _most_samples(planned: int) -> int:
-    """Largest number of samples of a chart.  It is twice the number of samples of the plan, or this number if twice as many would take too long."""
+    """Largest number of samples of a chart. It is twice the number of samples of the plan. If this
+    would take too long, it is the number of samples of the plan itself.
+    """
     return max(2 * planned, 8) if planned <= MANY else planned
 
 

@@ -1,4 +1,4 @@
-"""Curve for the page: probability of detection over the contrast of the target."""
+"""Curve for the page: probability of detection against the contrast of the target."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def detection_curve(plan: Plan) -> DetectionCurve | None:
         return None
     from aosplan.planning.plan_detection import detection_text
 
-    # Negative contrasts are equivalent to positive contrasts, so that the axis has absolute values.
+    # The axis has absolute values, because negative contrasts are equivalent to positive contrasts.
     curve = sorted((abs(contrast), share) for contrast, share in found.curve)
     x, y = scale(curve[-1][0], LEFT, RIGHT), scale(1.0, BOTTOM, TOP)
     own = abs(found.signature.contrast)

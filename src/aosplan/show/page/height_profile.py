@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from aosplan.planning.result import Plan
 
 MOST = 400
-"""Largest number of waypoints that are drawn.  If there are more, only every n-th waypoint and the
-last one are drawn.
+"""Largest number of waypoints that are drawn. If there are more waypoints, only every n-th waypoint
+and the last waypoint are drawn.
 """
 
 

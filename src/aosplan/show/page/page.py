@@ -69,7 +69,7 @@ def report_page(
     detection_map, success
         Probability of detection by place, and probability of success with a prior.
     reciprocal_map
-        How much of the target area camera positions see.
+        Map of how much of the target area camera positions see.
 
     Raises
     ------

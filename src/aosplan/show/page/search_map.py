@@ -53,7 +53,7 @@ class SearchMap(NamedTuple):
     cells
         Colours, each with the outlines of the cells that have it.
     bar
-        Length of the scale bar, and its label.
+        Length of the scale bar, and the label of the bar.
     swatches
         Positions and colours of the legend.
     marks
@@ -70,7 +70,7 @@ class SearchMap(NamedTuple):
 
 
 def search_map(found: DetectionMap | None, success: SearchSuccess | None) -> SearchMap | None:
-    """The picture of a detection map; None without a map."""
+    """The picture of a detection map; None if there is no map."""
     if found is None:
         return None
     return _share_map(
@@ -85,7 +85,7 @@ def search_map(found: DetectionMap | None, success: SearchSuccess | None) -> Sea
 def position_map(
     found: ReciprocalMap | None, sites_m: Sequence[tuple[float, float]]
 ) -> SearchMap | None:
-    """The picture of a reciprocal map with the sites of the plan; None without a map."""
+    """The picture of a reciprocal map with the sites of the plan; None if there is no map."""
     if found is None:
         return None
     east_m, north_m, most = found.best
@@ -145,8 +145,8 @@ def _share_map(
 
 
 def coverage_picture(coverage: CoverageMap) -> bytes:
-    """An SVG of a coverage map.  It shows for each place the share of the planned photos that see
-    it, and outlines of the gaps.
+    """An SVG of a coverage map. It shows, for each place, the share of the planned photos that see
+    the place. It also shows outlines of the gaps.
     """
     cells = coverage.cells
     rows, columns = cells.inside.shape

@@ -27,10 +27,10 @@ class SimulatedPhotos(NamedTuple):
     missing
         Reason why there are no pictures; empty if there are pictures.
     single, integral, endless
-        A resolution chart behind trees: in the middle photo, in the integral image of all photos,
-        and for infinitely many photos.
+        Pictures of a resolution chart behind trees: in the middle photo, in the integral image of
+        all photos, and in the integral image of infinitely many photos.
     size
-        Number of columns and rows of each.
+        Number of columns and of rows of each picture.
     expected, single_visibility
         V of the integral image, and share of the targets that the middle photo sees, in this
         volume.
@@ -99,8 +99,8 @@ def simulated_photos(plan: Plan, seed: int | None) -> SimulatedPhotos:
 
 
 def _view(plan: Plan) -> ViewKind:
-    """The view of the measured model.  For other models, perspective if all photos have common
-    ground, otherwise telecentric.
+    """The view of the measured model. For other models, the view is perspective if all photos have
+    ground in common, and telecentric otherwise.
     """
     if plan.inputs.view is not None:
         return "perspective" if plan.inputs.view == "perspective" else "telecentric"

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from aosplan.show.figures.grid import GridFigure, Polygon
 
 MOST_SITES = 5000
-"""Largest number of waypoints of a static map.  If there are more, the page has a note instead of
-the map.
+"""Largest number of waypoints of a static map. If there are more waypoints, the page has a note
+instead of the map.
 """
 
 MOST_ROWS = 1000
@@ -48,7 +48,7 @@ class StaticMap(NamedTuple):
     dot
         Diameter of the dot of a site.
     bar
-        Length of the scale bar, and its label.
+        Length of the scale bar, and the label of the bar.
     columns, rows
         Content of the table as text.  There are no rows if there would be more than `MOST_ROWS`.
     """

@@ -1,4 +1,4 @@
-"""Curve for the page: objective over flight time, for a search within a time."""
+"""Curve for the page: objective against flight time, for a search within a time."""
 
 from __future__ import annotations
 

@@ -110,8 +110,8 @@ def _places(pattern: AnyPattern, apart: int) -> list[tuple[int, int]]:
 
 
 def _thinned(pattern: AnyPattern, width: int) -> Iterable[tuple[float, float]]:
-    """Sites in flight order, including the first and the last.  Their number is reduced to that
-    which a drawing can show.
+    """Sites in flight order, including the first and the last. If there are more sites than a
+    drawing can show, only some of them are returned.
     """
     if not isinstance(pattern, Pattern):
         every = -(-pattern.samples // MOST_POINTS)
@@ -157,12 +157,12 @@ def to_scale(
     """Draw points to scale, with x to the right and y downwards.  Returns the drawing and the width
     of a dot.
 
-    The first and the last point have special characters.  With `even`, one unit of length is a
-    whole number of dots, if it is wider than a dot.
+    The first and the last point have special characters. With `even`, one unit of length is a whole
+    number of dots, if the unit is longer than a dot.
     """
     per_column, per_line = (1, 1) if plain else (2, 4)
-    # A character is twice as high as it is wide. Braille dots are square, because a character has
-    # four lines and two columns of them.
+    # A character is twice as high as it is wide. A Braille character has four lines and two columns
+    # of dots, so the spacing of dots is equal in both directions.
     flat = 2.0 if plain else 1.0
     (left, right), (top, bottom) = ((min(c), max(c)) for c in zip(*points, strict=True))
     step = max(

@@ -1,4 +1,6 @@
-"""Rows of a plan's table: how guided positions were chosen, and plain grids of the same time."""
+"""Rows of a plan's table about the choice of guided positions, and about plain grids with the same
+flight time.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ def guided_rows(guided: GuidedResult) -> Iterator[tuple[str, str]]:
 
 
 def guided_texts(guided: GuidedResult) -> list[str]:
-    """How guided positions were chosen, what is doubtful, and plain grids, in sentences."""
+    """Sentences about the choice of guided positions, about its uncertainty, and about
+    plain grids.
+    """
     return [
         "The positions were chosen with one half of the pulses, and V is predicted with the other "
         f"half (with the first: {percent(guided.chosen_expected)}).",
@@ -34,7 +38,7 @@ def guided_texts(guided: GuidedResult) -> list[str]:
 
 
 def plain_text(flight: PlainFlight) -> str:
-    """A plain grid of the same time, in a few words."""
+    """Short description of a plain grid with the same flight time."""
     how = "while flying" if flight.trigger == "distance" else "at stops"
     shape = (
         f"Line of {flight.columns}"
@@ -48,7 +52,7 @@ def plain_text(flight: PlainFlight) -> str:
 
 
 def position_rows(found: ReciprocalMap | None) -> Iterator[tuple[str, str]]:
-    """Yield what a map of camera positions says."""
+    """Yield rows with the results of a map of camera positions."""
     if found is None:
         return
     east_m, north_m, most = found.best

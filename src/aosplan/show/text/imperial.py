@@ -1,4 +1,4 @@
-"""Conversion of metric quantities in a line of text to feet, inches, miles, acres and miles per
+"""Conversion of the metric quantities in a line of text to feet, inches, miles, acres and miles per
 hour.
 
 Only tables are converted, and only if the environment variable ``AOSPLAN_UNITS`` is ``imperial``.

@@ -129,7 +129,9 @@ def _label(group: Mapping[str, Any]) -> str:
 
 
 def print_verification(document: Mapping[str, Any]) -> None:
-    """Print the simulated rows, and whether the worst of them can be due to chance."""
+    """Print the simulated rows, and whether the largest of their differences can be explained by
+    chance.
+    """
     worst, comparisons = document["worst"], document["comparisons"]
     simulated = document["simulated"]
     rows = "row" if simulated == 1 else "rows"
@@ -201,7 +203,7 @@ SYMBOLS = {"density": "p", "expected": "V", "normalized": "V̂"}
 
 
 def _compared(row: Mapping[str, Any], found: Mapping[str, Any] | None) -> list[str]:
-    """Cells for the least probable comparison of a row."""
+    """Cells for the comparison of a row whose difference is least probable."""
     if found is None:
         return ["", "-", "-", "-", "-"]
     name, errors = found["quantity"], found["standard_errors"]

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 WIDTH = 80
 NARROWEST = 20
-"""Smallest width that is assumed.  Narrower terminals wrap lines themselves."""
+"""Smallest width that is assumed for a terminal. Narrower terminals wrap lines themselves."""
 
 PADDING = re.compile(r" +((?:\x1b\[[0-9;]*m)*)$")
 """Matches spaces at the end of a line, and escape sequences after them."""
@@ -58,7 +58,7 @@ UNBROKEN = 20
 """Largest number of characters of a cell that is never wrapped."""
 
 BANDS = 20
-"""Largest number of bands of a profile."""
+"""Largest number of bands of a density profile."""
 
 MOST_NAMED = 60
 """Largest number of characters of a name that are shown."""
@@ -191,7 +191,7 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
 
 
 def _ground_text(plan: Plan) -> str:
-    """Visibility over the ground of the plan, compared with that below its centre."""
+    """Visibility over the ground of the plan, compared with the visibility below its centre."""
     ground = plan.ground
     assert ground is not None
     x, y = ground.size_m
@@ -397,7 +397,7 @@ def print_simulation(
             continue
         models = (plan.solution.prediction, simulation.predicted)
         numbers = [*(getattr(model, name) for model in models), value]
-        # Very small numbers are replaced by 0, so that they are not printed as -0.
+        # Very small numbers are replaced by 0. Otherwise, they could be printed as -0.
         shown = [percent(number if abs(number) > 5e-5 else 0.0) for number in numbers]
         table.add_row(one_line(symbol), *shown, f"{100 * error:.2f} %")
     agree = "agree." if simulation.agree else "disagree:"

@@ -1,8 +1,8 @@
 """Properties of the output stream (colours and characters), and text that is adapted to them.
 
 Colours follow https://no-color.org, https://force-color.org and https://bixense.com/clicolors:
-``NO_COLOR`` has priority over ``FORCE_COLOR`` and ``CLICOLOR_FORCE``, which override the detection
-of a terminal.
+``NO_COLOR`` overrides ``FORCE_COLOR`` and ``CLICOLOR_FORCE``. These two override the detection of a
+terminal.
 """
 
 from __future__ import annotations

@@ -26,8 +26,8 @@ class _Grid(NamedTuple):
 
 
 class GridColumns(NamedTuple):
-    """The grid of each scenario: samples, rows, columns, and extents in baselines.  The legs are
-    stored once for equal grids.
+    """The grid of each scenario: samples, rows, columns, and extents in baselines. Equal grids have
+    common legs.
 
     `places` has the index of the legs of each scenario.
     """

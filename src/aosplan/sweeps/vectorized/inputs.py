@@ -46,10 +46,12 @@ VALUES: dict[str, tuple[Any, ...]] = {
     "rays": ("nadir",),
     "hold_error": (0.0,),
 }
-"""Values of some options that can be solved as columns.  Other values of these options cannot."""
+"""Values of some options that can be solved as columns. Other values of these options cannot be
+solved as columns.
+"""
 
 AIRCRAFT = ("camera", "drone", "payload", "autopilot", "camera_control", "altitude_frame")
-"""Options that together determine the camera, the speeds and the autopilot."""
+"""Options that determine the camera, the speeds and the autopilot together."""
 
 UNDERSTOOD = {
     "altitude",
@@ -92,8 +94,8 @@ UNDERSTOOD = {
 """Options that can be solved as columns, or that do not change the results of columns."""
 
 MOST_COUNTED = 1 << 53
-"""Numbers of samples above this limit are not distinguished, because all of them are too large for
-a plan.
+"""All numbers of samples above this limit are treated as equal, because they are too large for a
+plan.
 """
 
 
@@ -111,7 +113,7 @@ def solvable_as_columns(block: Block) -> NDArray[np.bool_] | None:
     checked = {
         name: value
         for name, value in block.request_values(0).items()
-        # The values of these options may be wrong in some of the rows only.
+        # The values of these options may be wrong in only some of the rows.
         if name not in ("max_samples", "heading", *AIRCRAFT, *VALUES)
     }
     if "fov" in checked:
@@ -178,7 +180,7 @@ def by_value(function: Callable[..., Any], dtype: Any, *columns: NDArray[Any]) -
 
 def _numbered(values: NDArray[Any]) -> tuple[list[Any], NDArray[np.intp]]:
     """The distinct values of an array, and the index of each element among them."""
-    if values.dtype == object:  # Text and numbers may be mixed, so that they cannot be sorted.
+    if values.dtype == object:  # Objects may be text and numbers, which cannot be sorted together.
         numbered = {value: place for place, value in enumerate(dict.fromkeys(values.flat))}
         places = np.array([numbered[value] for value in values.flat], dtype=np.intp)
         return list(numbered), places.reshape(values.shape)
@@ -355,8 +357,8 @@ def scene_columns(given: Columns, folder: str) -> SceneColumns:
 def _shares(
     slices: Any, whole: Any, left: Any, thickness: Any, size: Any, cut: Any = None
 ) -> tuple[Any, Any]:
-    """p and 1 - p of the parts of volumes that remain, computed from the density of a slice or from
-    that of the whole volume.
+    """p and 1 - p of the remaining parts of volumes, computed from the density of a slice or from
+    the density of the whole volume.
     """
     if whole is not None and cut is not None:
         whole = np.where(cut, density_of_part(whole, left, thickness, np), whole)
@@ -402,7 +404,7 @@ class TargetColumns(NamedTuple):
     """The target visibilities.
 
     `most` is the largest acceptable shortfall 1 - V̂, including the tolerance of the solver.
-    `fewest` is the number of samples that is enough if all samples are independent; it is 0 if no
+    `fewest` is the number of samples that is enough if all samples are independent. It is 0 if no
     number is enough.
     """
 
@@ -413,7 +415,9 @@ class TargetColumns(NamedTuple):
 
 
 def target_columns(given: Columns, scene: SceneColumns) -> TargetColumns:
-    """The targets of a block, computed as exactly as in `aosplan.solver.problem.Requirement`."""
+    """The targets of a block. They are computed as exactly as in
+    `aosplan.solver.problem.Requirement`.
+    """
     if "visibility" not in given:
         shares = column(given, "vhat")
         counted = by_value(_counted, np.float64, shares)
@@ -429,7 +433,7 @@ def target_columns(given: Columns, scene: SceneColumns) -> TargetColumns:
 
 @lru_cache(maxsize=100_000)
 def _counted(share: float | str) -> tuple[float, float, int]:
-    """A target, the shortfall that it allows, and the number of samples that it needs."""
+    """A target, the shortfall that the target allows, and the number of samples that it needs."""
     target = Requirement("normalized", _exact(share))
     fewest = target.fewest_independent(None)  # type: ignore[arg-type]  # whatever the model
     assert fewest is not None  # A normalised target below 1 can always be met.
