@@ -132,7 +132,7 @@ def test_no_package_or_root_module_bears_the_name_of_a_public_function():
     assert not names & {*aosplan.__all__}
 
 
-def test_simulators_know_nothing_of_the_models_they_judge():
+def test_simulators_do_not_import_the_models():
     # Only `compare` and `compare_search` import both models and simulations.
     simulators = {m for m in MODULES if m.startswith("aosplan.simulation")}
     reached, waiting = (
@@ -289,7 +289,7 @@ def private_names_taken(path):
             yield name, node.lineno
 
 
-def test_no_test_reaches_for_private_names_of_a_module():
+def test_no_test_uses_private_names_of_a_module():
     tests = sorted(Path(__file__).parent.rglob("*.py"))
     taken = [
         f"{path.name}:{line} {name}" for path in tests for name, line in private_names_taken(path)

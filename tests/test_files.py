@@ -41,7 +41,7 @@ def test_every_file_has_its_content(folder):
     assert content_of(folder) == {"a.csv": b"one\n", "b.csv": b"", "c": b"\0\xff"}
 
 
-def test_nothing_to_write_writes_nothing(folder):
+def test_an_empty_set_of_files_writes_nothing(folder):
     write_all({})
     assert content_of(folder) == {}
 
@@ -75,7 +75,7 @@ def test_a_dangling_link_is_not_written_through(folder):
     assert not (folder / "elsewhere").exists()
 
 
-def test_force_never_replaces_what_is_no_regular_file(folder):
+def test_force_never_replaces_special_files(folder):
     # --force once replaced a device by an ordinary file, if the user had the rights.
     os.mkfifo("pipe.csv")
     with pytest.raises(AosplanError):
@@ -205,7 +205,7 @@ def test_a_disk_that_fills_while_writing_leaves_nothing(folder, monkeypatch):
 @pytest.mark.parametrize("existing", [(), ("a.csv",), ("b.csv",), ("a.csv", "b.csv")])
 @pytest.mark.parametrize("on", [1, 2, 3, 4])
 @pytest.mark.parametrize("name", ["replace", "rename", "link"])
-def test_names_are_given_to_all_files_or_to_none(folder, monkeypatch, name, on, existing):
+def test_either_all_files_or_none_are_renamed(folder, monkeypatch, name, on, existing):
     for file in existing:
         (folder / file).write_bytes(b"old")
     before = content_of(folder)
@@ -218,7 +218,7 @@ def test_names_are_given_to_all_files_or_to_none(folder, monkeypatch, name, on, 
         assert content_of(folder) == {"a.csv": b"new", "b.csv": b"new"}
 
 
-def test_a_name_that_cannot_be_given_is_reported(folder, monkeypatch):
+def test_a_failed_rename_is_reported(folder, monkeypatch):
     monkeypatch.setattr(os, "link", failing(errno.EPERM, os.link, on=1))
     monkeypatch.setattr(os, "replace", failing(errno.EACCES, os.replace, on=1))
     with pytest.raises(SurroundingsError, match=r"cannot write 'a\.csv': permission denied"):

@@ -215,7 +215,7 @@ def test_integers_without_end_are_refused(folder, name, digits):
     ],
     ids=["json lists", "json tables", "json closed", "toml lists", "toml tables", "no ending"],
 )
-def test_bombs_of_brackets_are_refused(folder, name, text):
+def test_deeply_nested_brackets_are_refused(folder, name, text):
     (folder / name).write_text(text)
     with pytest.raises(RequestError):
         read_table(name)
@@ -256,7 +256,7 @@ class PanicException(BaseException):
 @pytest.mark.parametrize(
     "error", [PanicException("a\nb"), ValueError("a\nb"), KeyError(), ArithmeticError()]
 )
-def test_whatever_a_library_raises_is_one_error(error, capfd):
+def test_any_exception_of_a_library_gives_one_error(error, capfd):
     def decode():
         os.write(2, b"thread 'main' panicked at frame.rs\n")
         warnings.warn("of a library", stacklevel=1)
@@ -270,7 +270,7 @@ def test_whatever_a_library_raises_is_one_error(error, capfd):
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError, SystemExit, RequestError("a")])
-def test_what_is_not_the_file_s_fault_goes_on(error):
+def test_exceptions_not_caused_by_the_file_are_not_changed(error):
     with pytest.raises(error if isinstance(error, type) else type(error)), decoding("table", "a.x"):
         raise error
 
@@ -310,7 +310,7 @@ DOTS = "a.b." * 100
         (f'# "{DOTS}\nx = """\n#"{DOTS}\\""""', '#"' + DOTS + '"'),
     ],
 )
-def test_dots_in_texts_and_comments_are_no_depth(folder, text, value):
+def test_dots_in_text_and_comments_do_not_count_as_nesting(folder, text, value):
     (folder / "a.toml").write_text(text)
     assert read_table("a.toml") == {"x": value}
 

@@ -189,7 +189,7 @@ def test_the_origin_itself_is_the_site_in_the_middle():
 
 
 @pytest.mark.parametrize("place", PLACES.values(), ids=PLACES)
-def test_longitudes_lie_in_one_turn(place):
+def test_longitudes_are_from_minus_180_to_180(place):
     for latitude, longitude in grid_at(place, 81, 250.0, 45.0).values():
         assert -90.0 <= latitude <= 90.0
         assert -180.0 <= longitude < 180.0
@@ -203,7 +203,7 @@ def test_a_grid_on_the_antimeridian_has_sites_on_both_sides(longitude):
     assert all(abs(lon) > 179.9 for lon in longitudes)
 
 
-def test_both_names_of_the_antimeridian_are_one_place():
+def test_longitudes_180_and_minus_180_are_the_same_place():
     east, north = [5.0, -700.0, 0.0], [3.0, 10.0, 0.0]
     one, other = to_wgs84((10.0, 180.0), east, north), to_wgs84((10.0, -180.0), east, north)
     assert one[0] == pytest.approx(other[0], abs=1e-12)

@@ -63,7 +63,7 @@ def command(*arguments, status=0):
     return f"from aosplan.cli.app import run\nassert run({list(arguments)!r}) == {status}"
 
 
-def test_import_aosplan_costs_nothing(loaded):
+def test_import_aosplan_loads_no_submodules(loaded):
     slow = {"typing", "dataclasses", "importlib.metadata", "inspect", "re", "argparse", "json"}
     found = loaded("import aosplan")
     assert not found & (HEAVY | RICH | slow | {"click"})

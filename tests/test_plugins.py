@@ -53,7 +53,7 @@ def test_a_distribution_adds_a_drone_a_camera_and_a_format(distribution, tmp_pat
     assert found == pytest.approx([degrees for pair in ways for degrees in pair], abs=1e-8)
 
 
-def test_what_is_not_installed_is_unknown(tmp_path, capsys):
+def test_names_of_distributions_that_are_not_installed_are_unknown(tmp_path, capsys):
     assert run([*PLAN, "--drone", "team-hexa"]) == 2
     assert "unknown drone 'team-hexa'" in capsys.readouterr().err
     assert run([*PLAN, "--out", f"team-list:{tmp_path / 'x'}"]) == 2

@@ -111,7 +111,7 @@ def test_text_that_is_not_finite_is_refused(value):
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 10**400, None, [], {}, [1], 1j])
 @pytest.mark.parametrize("name", NUMERIC)
-def test_values_that_are_no_finite_number_are_refused(name, value):
+def test_values_that_are_not_finite_numbers_are_refused(name, value):
     assert refusal(PARSERS[name], value, "x").message.startswith("x '")
 
 
@@ -191,7 +191,7 @@ def test_shares_outside_0_to_1_are_refused(value):
 
 
 @pytest.mark.parametrize("value", [200, -3, "x", None])
-def test_what_is_no_percentage_gets_no_percent_hint(value):
+def test_values_that_are_not_percentages_get_no_percent_hint(value):
     assert q.percent_hint(value) == ""
 
 
@@ -279,7 +279,7 @@ def test_the_hint_for_swapped_coordinates_keeps_their_digits():
 
 
 @pytest.mark.parametrize("value", ["95,200", "190,10", (90.0000001, 181)])
-def test_what_is_no_swap_is_not_called_one(value):
+def test_coordinates_that_are_not_swapped_get_no_swap_hint(value):
     assert refusal(q.latitude_longitude, value, "--origin").hint == ""
 
 

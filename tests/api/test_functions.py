@@ -34,7 +34,7 @@ def document(capsys):
     return printed
 
 
-def test_keyword_arguments_are_the_fields_of_a_request():
+def test_functions_accept_the_fields_of_a_request_as_keyword_arguments():
     assert list(RequestOptions.__annotations__) == [field.name for field in fields(PlanRequest)]
 
 
@@ -56,7 +56,7 @@ def test_a_plan_comes_from_a_request_options_a_plan_or_a_file(tmp_path, document
         assert found.document() == command
 
 
-def test_options_override_a_request_and_drop_what_they_contradict():
+def test_options_override_a_request_and_remove_options_that_contradict_them():
     higher = aosplan.plan(PlanRequest(**ALTITUDE), gsd=0.05)
     assert higher.request.vhat == 0.9
     assert higher.request.altitude is None
@@ -71,7 +71,7 @@ def test_wrong_options_are_errors_that_name_them():
         _ = aosplan.plan(**ALTITUDE).__geo_interface__
 
 
-def test_results_print_in_a_few_lines_and_as_html(placed, tmp_path):
+def test_results_have_a_short_text_and_html(placed, tmp_path):
     placed.write(tmp_path / "grid.csv")
     results = [
         placed,
@@ -102,7 +102,7 @@ def test_html_of_names_from_files_is_escaped(tmp_path):
     assert "<b>" not in html
 
 
-def test_simulations_say_what_the_command_says(document):
+def test_simulate_returns_the_document_of_the_command(document):
     found = aosplan.simulate(**ALTITUDE, forest="noise", seed=3, precision=0.02)
     line = ["--altitude", 40, "--vhat", 0.9, "--seed", 3, "--precision", 0.02]
     assert found.document() == document("simulate", *line, "--forest", "noise")
@@ -114,7 +114,7 @@ def test_a_view_of_the_simulation_is_passed_on():
     assert found.settings.view == "telecentric"
 
 
-def test_tradeoffs_say_what_the_command_says(document):
+def test_tradeoff_returns_the_rows_of_the_command(document):
     table = aosplan.tradeoff(**ALTITUDE, max_samples=12)
     line = ["--altitude", 40, "--vhat", 0.9, "--max-samples", 12]
     assert table.document() == document("tradeoff", *line)
@@ -175,7 +175,7 @@ def test_flights_are_reviewed_and_thinned_as_by_the_commands(placed, tmp_path, d
     assert thinned.columns()["index"] == thinned.chosen
 
 
-def test_exports_of_plans_and_files_are_the_same(placed, tmp_path):
+def test_exported_plans_and_saved_files_give_the_same_bytes(placed, tmp_path):
     plan, one, other = (tmp_path / name for name in ("plan.json", "a.csv", "b.csv"))
     plan.write_text(json.dumps(placed.document()))
     assert aosplan.export(placed, one) == [str(one)]
@@ -185,7 +185,7 @@ def test_exports_of_plans_and_files_are_the_same(placed, tmp_path):
         aosplan.export(placed, one)
 
 
-def test_integrals_say_what_the_command_says(tmp_path, document):
+def test_integrate_returns_the_result_of_the_command(tmp_path, document):
     views = list(sites(4))
     images = [photo(*view) for view in views]
     poses, folder = write_recording(tmp_path, views, images, camera=False)
@@ -200,7 +200,7 @@ def test_integrals_say_what_the_command_says(tmp_path, document):
     assert found.focus is None
 
 
-def test_a_focus_is_the_one_of_the_command(tmp_path, document):
+def test_integrate_finds_the_same_focus_as_the_command(tmp_path, document):
     views = list(sites(9))
     images = [photo(*view, height=1.0) for view in views]
     poses, folder = write_recording(tmp_path, views, images, camera=False)
@@ -219,7 +219,7 @@ def test_results_are_frozen_and_can_be_replaced(placed):
     assert replace(placed, notices=()).__class__ is aosplan.Plan
 
 
-def test_every_function_has_an_example_or_says_its_parameters():
+def test_every_function_documents_an_example_or_its_parameters():
     for name in aosplan.__all__:
         function = getattr(aosplan, name)
         if inspect.isfunction(function) and function.__module__.startswith("aosplan.api"):

@@ -43,7 +43,7 @@ def test_figures_of_several_panels_are_arrays_of_axes(placed):
         placed.plot(kind="nonsense")
 
 
-def test_other_results_are_drawn(placed, tmp_path):
+def test_results_other_than_plans_are_drawn(placed, tmp_path):
     placed.write(tmp_path / "grid.csv")
     rows = (tmp_path / "grid.csv").read_text().splitlines()
     (tmp_path / "flown.csv").write_text("\n".join(rows[:8]) + "\n")

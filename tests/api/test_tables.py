@@ -13,7 +13,7 @@ def placed():
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars"])
-def test_waypoints_become_frames(library, placed):
+def test_waypoints_are_converted_to_data_frames(library, placed):
     frames = pytest.importorskip(library)
     ways = placed.waypoints
     for frame in (frames.DataFrame(ways), frames.DataFrame(ways.columns())):
@@ -23,7 +23,7 @@ def test_waypoints_become_frames(library, placed):
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars"])
-def test_tables_become_frames(library, placed):
+def test_tables_are_converted_to_data_frames(library, placed):
     frames = pytest.importorskip(library)
     table = aosplan.tradeoff(altitude=40, vhat=0.9, max_samples=12).columns()
     assert list(frames.DataFrame(table)["samples"]) == table["samples"]
@@ -31,7 +31,7 @@ def test_tables_become_frames(library, placed):
     assert list(frames.DataFrame(swept)["baseline_m"]) == swept["baseline_m"]
 
 
-def test_geopandas_takes_waypoints_and_plans(placed):
+def test_geopandas_reads_waypoints_and_plans(placed):
     geopandas = pytest.importorskip("geopandas")
     points = geopandas.GeoDataFrame.from_features(placed.waypoints, crs=4326)
     assert list(points.geometry.x) == list(placed.waypoints.longitude)

@@ -55,7 +55,7 @@ PLACES = [
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_sizes_are_those_on_the_ellipsoid(file, place):
+def test_areas_have_the_size_on_the_ellipsoid(file, place):
     ring = around(*place)
     area = read_area(file([ring]))
     # The edges of the reference are geodesics, but those of the area are straight in degrees. At
@@ -65,14 +65,14 @@ def test_sizes_are_those_on_the_ellipsoid(file, place):
     assert area.radius_m == pytest.approx(500.0, abs=0.05)
 
 
-def test_an_area_is_exact_to_nine_digits_where_its_edges_are_short(file):
+def test_areas_with_short_edges_are_exact_to_nine_digits(file):
     ring = around(48.3, 14.3, sides=64)
     expected = abs(GEOD.polygon_area_perimeter(*zip(*ring, strict=True))[0])
     assert read_area(file([ring])).whole.area == pytest.approx(expected, rel=1e-9, abs=0)
 
 
 @pytest.mark.parametrize("latitude", [89.99, -89.99])
-def test_a_ring_around_a_pole_holds_the_pole(file, latitude):
+def test_a_ring_around_a_pole_contains_the_pole(file, latitude):
     ring = [[longitude, latitude] for longitude in (-180, -120, -60, 0, 60, 120, -180)]
     area = read_area(file([ring]))
     assert abs(area.origin[0]) == pytest.approx(90.0, abs=1e-6)
@@ -81,7 +81,7 @@ def test_a_ring_around_a_pole_holds_the_pole(file, latitude):
     assert area.whole.area == pytest.approx(math.pi * radius**2, rel=1e-4)
 
 
-def test_an_area_that_is_cut_at_the_antimeridian_is_one(file):
+def test_the_parts_of_an_area_cut_at_the_antimeridian_are_joined(file):
     halves = file(
         [rectangle(179.995, 10.0, 180.0, 10.01)], [rectangle(-180.0, 10.0, -179.995, 10.01)]
     )
@@ -93,7 +93,7 @@ def test_an_area_that_is_cut_at_the_antimeridian_is_one(file):
 
 
 @pytest.mark.parametrize("latitude", [48.0, 70.0, -85.0])
-def test_long_edges_bend_as_parallels_do(file, latitude):
+def test_long_edges_follow_parallels_of_latitude(file, latitude):
     half = math.degrees(15_000 / (6.371e6 * math.cos(math.radians(latitude))))
     area = read_area(file([rectangle(-half, latitude, half, latitude + 0.01)]))
     east, north = shapely.get_coordinates(area.whole).T
@@ -113,7 +113,7 @@ def test_to_local_inverts_to_wgs84(latitude, longitude, east, north):
     assert (x, y) == pytest.approx((east, north), abs=1e-5)
 
 
-def test_the_local_frame_is_off_by_no_more_than_it_says(file):
+def test_the_error_of_the_local_frame_is_at_most_the_stated_error(file):
     # The error is largest at the rim, for two neighbours whose connection is perpendicular to the
     # direction to the centre.
     area = read_area(file([around(48.3, 14.3, sides=32, radius_m=19_900.0)]))
@@ -125,7 +125,7 @@ def test_the_local_frame_is_off_by_no_more_than_it_says(file):
     assert abs(true / 100.0 - 1.0) >= area.projection_error * 0.9
 
 
-def test_the_origin_is_the_middle_of_the_bounds(file):
+def test_the_origin_of_an_area_is_the_centre_of_its_bounds(file):
     ring = around(48.3, 14.3)
     points = np.column_stack(
         to_local(read_area(file([ring])).origin, *zip(*[p[::-1] for p in ring], strict=True))
@@ -133,7 +133,7 @@ def test_the_origin_is_the_middle_of_the_bounds(file):
     assert points.min(axis=0) + points.max(axis=0) == pytest.approx([0.0, 0.0], abs=1e-3)
 
 
-def test_farther_than_twenty_kilometres_is_too_large(file):
+def test_areas_beyond_twenty_kilometres_are_refused(file):
     assert read_area(file([around(10, 20, radius_m=FARTHEST_M * 0.99)])).radius_m < FARTHEST_M
     with pytest.raises(RequestError, match=r"reaches 20.2 km from its middle, more than the 20 km"):
         read_area(file([around(10, 20, radius_m=FARTHEST_M * 1.01)]))
@@ -156,7 +156,7 @@ def test_farther_than_twenty_kilometres_is_too_large(file):
         ([[[0, 0], [0, 0], [0, 0], [0, 0]]], "has no area"),
     ],
 )  # fmt: skip
-def test_an_outline_that_is_no_polygon_is_an_error_that_says_where(file, polygon, why):
+def test_invalid_outlines_are_refused_with_the_place_of_the_fault(file, polygon, why):
     path = file(polygon)
     with pytest.raises(RequestError) as caught:
         read_area(path)
@@ -164,7 +164,7 @@ def test_an_outline_that_is_no_polygon_is_an_error_that_says_where(file, polygon
     assert path in caught.value.message
 
 
-def test_a_spike_and_rings_that_touch_are_no_fault(file):
+def test_spikes_and_touching_rings_are_accepted(file):
     spike = [[0, 0], [0.01, 0], [0.01, 0.01], [0.005, 0.01], [0.005, 0.02], [0.005, 0.01], [0, 0.01], [0, 0]]  # fmt: skip
     plain = read_area(file([rectangle(0, 0, 0.01, 0.01)])).whole.area
     assert read_area(file([spike])).whole.area == pytest.approx(plain, rel=1e-9)
@@ -180,7 +180,7 @@ def test_polygons_that_overlap_are_united(file):
     assert area.whole.area == pytest.approx(alone.whole.area, rel=1e-9)
 
 
-def test_what_has_no_area_is_left_out_with_a_warning(tmp_path):
+def test_polygons_without_an_area_are_left_out_with_a_warning(tmp_path):
     shapes = [
         {"type": "Polygon", "coordinates": [rectangle(0, 0, 0.01, 0.01)]},
         {"type": "Point", "coordinates": [0, 0]},
@@ -195,7 +195,7 @@ def test_what_has_no_area_is_left_out_with_a_warning(tmp_path):
 # Clear parts and no-fly zones
 
 
-def test_clear_parts_and_canopy_make_up_the_area(file):
+def test_clear_parts_and_canopy_together_are_the_area(file):
     path = file([rectangle(0, 0, 0.01, 0.01)])
     clear = file([rectangle(0.006, -0.01, 0.02, 0.02)], name="clear.geojson")
     area = read_area(path, clear=clear)
@@ -205,7 +205,7 @@ def test_clear_parts_and_canopy_make_up_the_area(file):
 
 
 @given(st.floats(0.01, 500.0))
-def test_a_buffer_is_kept_everywhere_and_hardly_exceeded(distance):
+def test_a_buffer_is_at_least_the_given_distance_and_hardly_more(distance):
     shape = shapely.Polygon([(0, 0), (100, 5), (60, 40), (90, 90), (10, 80)])
     outside = shapely.get_coordinates(grown(shape, distance))
     apart = shapely.distance(shape, shapely.points(outside))
@@ -278,7 +278,7 @@ def test_many_vertices_are_simplified_on_the_safe_side(file, monkeypatch):
     assert shapely.difference(clear, exact.clear).area < 1e-6
 
 
-def test_an_outline_that_stays_ragged_is_refused(file, monkeypatch):
+def test_outlines_with_too_many_vertices_after_simplification_are_refused(file, monkeypatch):
     monkeypatch.setattr(area_module, "MOST_VERTICES", 50)
     rings = [
         [around(0.001 * i, 0.001 * j, sides=5, radius_m=45)] for i in range(6) for j in range(6)
@@ -290,7 +290,7 @@ def test_an_outline_that_stays_ragged_is_refused(file, monkeypatch):
 # Shapes
 
 
-def test_the_long_side_is_where_it_is():
+def test_the_direction_of_the_long_side_of_a_rotated_rectangle_is_found():
     for degrees in (0.0, 10.0, 45.0, 90.0, 135.5, 179.0):
         turn = math.radians(degrees)
         along = np.array([math.sin(turn), math.cos(turn)])

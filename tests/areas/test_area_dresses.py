@@ -109,7 +109,7 @@ def test_one_area_is_the_same_in_every_file_format(written, name):
     assert ring == pytest.approx(np.array(RING), abs=2e-9)
 
 
-def test_a_transformation_is_said_with_its_accuracy(written):
+def test_a_notice_gives_a_transformation_and_its_accuracy(written):
     area = read_area(written(polygon(in_system(32633), **named("EPSG:32633"))))
     ((code, message),) = area.notices
     assert code == "reprojected"
@@ -151,7 +151,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_not_clear_is_refused(written, name):
+def test_unclear_reference_systems_are_refused(written, name):
     content, said = REFUSED[name]
     with pytest.raises(RequestError) as caught:
         read_outline(written(content))
@@ -159,7 +159,7 @@ def test_what_is_not_clear_is_refused(written, name):
     assert "\n" not in caught.value.message
 
 
-def test_slivers_beside_an_area_are_left_out_and_said(written):
+def test_slivers_beside_an_area_are_left_out_with_a_notice(written):
     sliver = [[14.01, 48.0], [14.010001, 48.0], [14.010001, 48.0001], [14.01, 48.0]]
     area = read_area(written(collection(feature(polygon()), feature(polygon(sliver)))))
     assert [code for code, _ in area.notices] == ["slivers"]
@@ -216,7 +216,7 @@ def gpx(ring):
     )
 
 
-def test_a_track_that_comes_back_is_an_outline_and_another_is_not(written):
+def test_closed_tracks_are_outlines_and_open_tracks_are_not(written):
     pytest.importorskip("pyogrio")
     walked = [*RING[:-1], [14.0, 48.00002]]
     area = read_area(written(gpx(walked), "walk.gpx"))
@@ -226,7 +226,7 @@ def test_a_track_that_comes_back_is_an_outline_and_another_is_not(written):
         read_outline(written(gpx(RING[:3]), "way.gpx"))
 
 
-def test_damaged_and_disguised_vector_files_are_one_error(written):
+def test_damaged_and_misnamed_vector_files_give_one_error(written):
     pytest.importorskip("pyogrio")
     for content, name in ((b"SQLite format 3\0" + bytes(100), "a.gpkg"), (b"<gpx>", "a.gpx")):
         with pytest.raises(RequestError):

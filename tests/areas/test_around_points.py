@@ -33,7 +33,7 @@ def multipoint(points):
 
 
 @pytest.mark.parametrize("text", [features(POINTS), kml(POINTS), multipoint(POINTS)])
-def test_the_area_is_what_lies_within_the_radius(tmp_path, text):
+def test_the_area_is_the_ground_within_the_radius_of_a_point(tmp_path, text):
     (tmp_path / "points").write_text(text)
     area = read_area(str(tmp_path / "points"), around_m=10.0)
     rng = np.random.default_rng(7)
@@ -54,7 +54,7 @@ def test_the_area_is_what_lies_within_the_radius(tmp_path, text):
     assert 1000 < inside.sum() < 19_000
 
 
-def test_other_shapes_are_named_and_left_out(tmp_path):
+def test_shapes_other_than_points_are_left_out_with_a_notice(tmp_path):
     square = {"type": "Polygon", "coordinates": [[[14, 48], [14.1, 48], [14.1, 48.1], [14, 48]]]}
     members = [square, {"type": "Point", "coordinates": [14.3, 48.3]}]
     (tmp_path / "mixed.geojson").write_text(
@@ -93,7 +93,7 @@ def test_projected_points_are_transformed(tmp_path):
     assert longitude == pytest.approx(14.325, abs=0.01)
 
 
-def test_a_plan_covers_what_lies_around_hot_spots(command, tmp_path):
+def test_a_plan_covers_the_ground_around_hot_spots(command, tmp_path):
     (tmp_path / "spots.geojson").write_text(features(POINTS))
     arguments = ["plan", "--altitude", 40, "--vhat", 0.9, "--around", tmp_path / "spots.geojson"]
     _, document, _ = command(*arguments, "--around-radius", "6", "--json")

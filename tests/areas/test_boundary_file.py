@@ -109,12 +109,12 @@ FORMS = {
 
 
 @pytest.mark.parametrize("name", FORMS)
-def test_polygons_are_read_whatever_the_form_and_the_ending(file, name):
+def test_polygons_are_read_from_every_form_and_extension(file, name):
     content, rings = FORMS[name]
     assert rings_of(file(content, "area.dat")) == rings
 
 
-def test_what_has_no_area_is_counted(file):
+def test_objects_without_an_area_are_counted(file):
     points = [{"type": "Point", "coordinates": [0, 0]}] * 2
     table = {"type": "GeometryCollection", "geometries": [*points, POLYGON]}
     assert read_outline(file(table)).ignored == {"Point": 2}
@@ -123,7 +123,7 @@ def test_what_has_no_area_is_counted(file):
 
 
 @given(st.lists(st.tuples(st.floats(-180, 180), st.floats(-90, 90)), min_size=3, max_size=30))
-def test_coordinates_come_through_geojson_and_kml_to_the_last_bit(tmp_path_factory, places):
+def test_coordinates_from_geojson_and_kml_are_exact_to_the_last_bit(tmp_path_factory, places):
     ring = [list(place) for place in [*places, places[0]]]
     path = tmp_path_factory.mktemp("rings") / "ring"
     for content in (
@@ -219,7 +219,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_everything_else_is_one_clear_error(file, name):
+def test_unsupported_content_gives_one_clear_error(file, name):
     content, message = WRONG[name]
     path = file(content)
     with pytest.raises(RequestError) as caught:
@@ -237,13 +237,13 @@ def test_everything_else_is_one_clear_error(file, name):
         ([5e5, 5.3e6], "convert metres to degrees"),
     ],
 )
-def test_the_hint_says_what_the_mistake_may_have_been(file, position, hint):
+def test_the_hint_names_the_likely_mistake(file, position, hint):
     with pytest.raises(RequestError) as caught:
         read_outline(file(changed(1, position)))
     assert hint in caught.value.hint
 
 
-def test_no_file_is_an_error(tmp_path):
+def test_a_missing_file_gives_an_error(tmp_path):
     with pytest.raises(RequestError, match="no file"):
         read_outline(str(tmp_path / "none.kml"))
 
@@ -258,7 +258,7 @@ def test_a_zip_bomb_is_refused_before_it_is_unpacked(file):
         read_outline(file(bomb))
 
 
-def test_a_bomb_that_lies_about_its_size_is_refused(file):
+def test_a_zip_bomb_with_a_wrong_stated_size_is_refused(file):
     # The header declares 10 bytes, and the stream contains 200 MB.
     packer = zlib.compressobj(9, zlib.DEFLATED, -15)
     packed = b"".join(packer.compress(bytes(10**6)) for _ in range(200)) + packer.flush()
@@ -273,7 +273,7 @@ def test_a_bomb_that_lies_about_its_size_is_refused(file):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000  # kB
 
 
-def test_an_archive_of_very_many_members_is_refused(file):
+def test_an_archive_with_too_many_members_is_refused(file):
     many = kmz({f"{index}.kml": "" for index in range(20_000)})
     with pytest.raises(RequestError, match="too many files"):
         read_outline(file(many))

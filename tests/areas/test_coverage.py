@@ -35,7 +35,7 @@ def spans(numbers):
 
 
 @given(whole_numbers)
-def test_spans_hold_the_numbers_that_they_were_made_of(numbers):
+def test_cell_runs_contain_exactly_the_numbers_they_were_made_from(numbers):
     runs = spans(numbers)
     assert set(runs.numbers().tolist()) == numbers
     assert runs.size == len(numbers)
@@ -46,7 +46,7 @@ def test_spans_hold_the_numbers_that_they_were_made_of(numbers):
 
 
 @given(whole_numbers, whole_numbers)
-def test_spans_without_others_are_the_difference(one, other):
+def test_without_gives_the_difference_of_two_sets_of_runs(one, other):
     assert set(spans(one).without(spans(other)).numbers().tolist()) == one - other
 
 
@@ -54,7 +54,7 @@ def test_spans_without_others_are_the_difference(one, other):
     whole_numbers,
     st.lists(st.tuples(st.integers(-9, 9), st.integers(0, 4)), min_size=1, max_size=4),
 )
-def test_dilated_spans_contain_all_sums_of_their_elements(numbers, runs):
+def test_dilated_runs_contain_all_sums_of_their_elements(numbers, runs):
     runs = [(first, first + more) for first, more in runs]
     sums = {n + k for n in numbers for first, last in runs for k in range(first, last + 1)}
     assert set(spans(numbers).dilated(runs).numbers().tolist()) == sums
@@ -77,7 +77,7 @@ def lattice_for(shape, window, margin=0):
 
 @settings(max_examples=15)
 @given(areas(), st.floats(0.7, 9.0), st.floats(0.7, 9.0))
-def test_cells_entered_are_those_that_the_shape_meets(shape, x_pitch, y_pitch):
+def test_overlapped_cells_are_those_that_the_shape_overlaps(shape, x_pitch, y_pitch):
     lattice = lattice_for(shape, window_of(Pattern(1, 1), (x_pitch, y_pitch)))
     found = set(overlapped_cells(shape, lattice).numbers().tolist())
     rows = math.ceil((shape.bounds[3] - shape.bounds[1]) / y_pitch) + 2
@@ -93,7 +93,7 @@ def test_cells_entered_are_those_that_the_shape_meets(shape, x_pitch, y_pitch):
 
 
 @pytest.mark.parametrize(("size", "cells"), [(28.0, 100), (28.000001, 121), (27.999999, 100)])
-def test_an_area_of_whole_cells_enters_no_others(size, cells):
+def test_an_area_of_whole_cells_overlaps_only_these_cells(size, cells):
     shape = shapely.multipolygons([shapely.box(0, 0, size, size)])
     lattice = lattice_for(shape, window_of(pattern_for("square", 49), (2.8, 2.8)))
     assert overlapped_cells(shape, lattice).size == cells
@@ -108,7 +108,7 @@ def test_the_lattice_is_centred():
     assert (low + high) / 2 == pytest.approx([53.0, 28.5], abs=1e-9)
 
 
-def test_cells_beyond_numbers_are_refused():
+def test_lattices_with_too_many_cells_to_number_are_refused():
     specks = shapely.multipolygons(
         [shapely.box(0, 0, 1e-3, 1e-3), shapely.box(3e4, 3e4, 30000.001, 30000.001)]
     )
@@ -174,7 +174,7 @@ def test_every_point_has_all_sites_in_its_rectangle(shape, kind, samples, baseli
 
 @settings(max_examples=40)
 @given(areas(), st.integers(1, 60), st.floats(1.0, 7.0), st.integers(0, 2**32))
-def test_looks_are_what_counting_finds_after_sites_were_lost(shape, samples, baseline, seed):
+def test_site_counts_equal_a_direct_count_after_sites_are_removed(shape, samples, baseline, seed):
     pattern = pattern_for("trimmed", samples)
     window, lattice, placements, sites, at_sites = planned(shape, pattern, (baseline, baseline))
     rng = np.random.default_rng(seed)
@@ -186,7 +186,7 @@ def test_looks_are_what_counting_finds_after_sites_were_lost(shape, samples, bas
     assert np.array_equal(own, count_in_rectangles(places, middles + jitter, window.size_m))
 
 
-def test_a_trimmed_pattern_is_seen_whole_from_its_own_cell():
+def test_every_point_of_a_cell_sees_the_whole_trimmed_pattern():
     # From every point, exactly the sites of the pattern are seen, and not only the same number of
     # sites.
     pattern = pattern_for("trimmed", 50)
@@ -201,7 +201,7 @@ def test_a_trimmed_pattern_is_seen_whole_from_its_own_cell():
 
 
 @given(st.floats(1.0, 90.0), st.floats(1.0, 9.0))
-def test_cells_in_an_image_are_whole(footprint, pitch):
+def test_only_cells_completely_inside_an_image_count_as_seen(footprint, pitch):
     if footprint < pitch:
         return
     (columns, _) = image_cells((footprint, footprint), (pitch, pitch))
@@ -215,7 +215,7 @@ images = st.tuples(st.sampled_from([1, 3, 5, 7]), st.sampled_from([1, 3, 5]))
 
 
 @given(cells, images)
-def test_cells_seen_are_those_around_sites(places, image):
+def test_seen_cells_are_the_cells_around_sites(places, image):
     stride = 60
     sites = spans({row * stride + column + 10 for row, column in places})
     seen = set(seen_cells(sites, image, stride).numbers().tolist())
@@ -240,13 +240,13 @@ def test_few_sites_see_all_cells(places, image):
     assert len(sites) <= wanted.size
 
 
-def test_a_rectangle_takes_no_more_images_than_fit_into_it():
+def test_a_rectangle_needs_no_more_images_than_fit_into_it():
     stride = 100
     wanted = spans({row * stride + column for row in range(15) for column in range(10, 38)})
     assert len(sites_seeing(wanted, (7, 5), stride)) == 4 * 3
 
 
-def test_a_lattice_says_where_its_cells_are():
+def test_a_lattice_gives_the_positions_of_its_cells():
     lattice = CellLattice((10.0, -5.0), (2.0, 3.0), 50)
     assert lattice.middles(np.array([0, 51])).tolist() == [[11.0, -3.5], [13.0, -0.5]]
     (box,) = lattice.boxes(CellRuns(np.array([51]), np.array([54])))

@@ -34,14 +34,14 @@ def test_the_extent_of_a_rectangle_is_that_of_its_sides():
     assert extent_of(area, 0.0) == pytest.approx((4000.0, 40.0, 100.0))
 
 
-def test_gaps_between_parts_and_no_fly_zones_do_not_count():
+def test_the_extent_excludes_gaps_between_parts_and_no_fly_zones():
     parts = shapely.union(shapely.box(0, 0, 10, 10), shapely.box(30, 0, 40, 10))
     assert extent_of(area_of(parts), 90.0) == pytest.approx((200.0, 20.0, 10.0))
     zoned = area_of(shapely.box(0, 0, 40, 10))._replace(keep_out=shapely.box(30, -5, 50, 20))
     assert extent_of(zoned, 90.0) == pytest.approx((300.0, 30.0, 10.0))
 
 
-def test_no_survey_has_fewer_sites_than_the_bound_and_most_have_few_more():
+def test_surveys_have_at_least_the_lower_bound_of_sites_and_usually_few_more():
     rng = np.random.default_rng(20261201)
     ratios = []
     for _ in range(60):
@@ -67,7 +67,7 @@ def test_no_survey_has_fewer_sites_than_the_bound_and_most_have_few_more():
     assert np.median(ratios) < 1.25
 
 
-def test_the_distance_from_an_area_is_nothing_inside():
+def test_the_distance_from_an_area_is_zero_inside():
     area = area_of(shapely.box(0.0, 0.0, 10.0, 10.0))
     assert distance_m(area, 5.0, 5.0) == 0.0
     assert distance_m(area, 13.0, 14.0) == 5.0

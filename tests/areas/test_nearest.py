@@ -19,7 +19,7 @@ def lattice():
 
 @pytest.mark.parametrize("points", [np.random.default_rng(0).normal(0.0, 9.0, (500, 2)), lattice()])
 @pytest.mark.parametrize("most", [0, 10_000])
-def test_nearest_points_are_as_near_as_those_of_a_tree(points, most, monkeypatch):
+def test_nearest_points_by_direct_comparison_equal_those_of_a_tree(points, most, monkeypatch):
     monkeypatch.setattr(nearest, "MOST_COMPARED", most)
     places = points[:40] + 0.1
     found = Nearest(points).to(places, 9)

@@ -158,7 +158,7 @@ def test_every_point_is_seen_from_n_sites_within_the_rectangle(
 @pytest.mark.parametrize(
     ("grid", "most"), [("lanes", {"max_aperture": 20}), ("line", {"max_aperture": 24, "vhat": 0.8})]
 )
-def test_lanes_and_lines_cover_too(file, grid, most):
+def test_lanes_and_lines_cover_an_area(file, grid, most):
     path = file(shapely.box(-60, -40, 60, 40))
     plan = planned(path, grid=grid, heading=20, **most)
     judge = Judge(plan)
@@ -177,7 +177,7 @@ def test_lanes_and_lines_cover_too(file, grid, most):
         assert best.layout.survey.sites == plan.layout.survey.sites
 
 
-def test_ten_kilometres_are_covered_from_high_above(file):
+def test_an_area_of_ten_kilometres_is_covered_from_a_high_altitude(file):
     path = file(shapely.Point(0, 0).buffer(5000), (70.0, 20.0))
     plan = planned(path, altitude=4000, baseline=250, samples=10)
     judge = Judge(plan)
@@ -199,7 +199,7 @@ def test_a_disc_around_a_pole_is_covered(file):
     assert (judge.seen(points, judge.rectangle()) >= 10).all()
 
 
-def test_all_points_are_counted_on_a_fine_raster(file):
+def test_the_fewest_looks_equal_a_count_on_a_fine_raster(file):
     path = file(shapely.Polygon([(0, 0), (50, 4), (44, 30), (20, 12), (5, 40)]))
     plan = planned(path, heading=33, vhat=0.98)
     judge = Judge(plan)
@@ -217,7 +217,7 @@ def test_all_points_are_counted_on_a_fine_raster(file):
     assert counted.min() <= plan.layout.survey.fewest_looks + 2
 
 
-def test_no_row_and_no_column_is_in_vain(file):
+def test_every_outer_row_and_column_of_sites_is_needed(file):
     # Without the outermost sites on any side, some point would be in fewer than N rectangles.
     path = file(shapely.box(-28, -14, 28, 14))
     plan = planned(path, heading=90, grid="square", samples=16, baseline=3.5)
@@ -263,13 +263,13 @@ def test_clear_ground_is_in_one_image_and_canopy_in_n(file, shape, clearing, hea
     judge.check_order()
 
 
-def test_a_spike_without_width_is_no_sliver(file):
+def test_a_spike_without_width_is_not_reported_as_a_sliver(file):
     plan = planned(file(WITH_A_SPIKE))
     assert [warning.code for warning in plan.warnings] == []
     assert plan.layout.survey.area_m2 == pytest.approx(WITH_A_SPIKE.area, rel=1e-5)
 
 
-def test_clear_ground_takes_far_fewer_sites(file):
+def test_clear_ground_needs_far_fewer_sites(file):
     path = file(shapely.box(-100, -100, 100, 100))
     half = file(shapely.box(0, -200, 200, 200), name="half.geojson")
     dense, sparse, open_ = (
@@ -282,7 +282,7 @@ def test_clear_ground_takes_far_fewer_sites(file):
     assert open_ == math.prod(math.ceil(200 / size - 1e-3) for size in footprint)
 
 
-def test_a_scene_without_occluders_takes_one_look_everywhere(file):
+def test_a_scene_without_occluders_needs_one_photo_of_every_point(file):
     path = file(shapely.box(-50, -50, 50, 50))
     plan = planned(path, density=0, occluder_size=0.2, volume_height=18)
     judge = Judge(plan)
@@ -300,7 +300,7 @@ def test_a_scene_without_occluders_takes_one_look_everywhere(file):
     areas(least_m=10.0), st.lists(outlines(most_m=40.0), min_size=1, max_size=3),
     st.sampled_from([0.0, 3.0]), st.sampled_from(PLACES), st.integers(0, 2**32),
 )  # fmt: skip
-def test_no_site_and_no_leg_is_in_a_zone_and_losses_are_told(
+def test_sites_and_legs_avoid_zones_and_lost_coverage_is_reported(
     file, shape, outlines_, buffer, place, seed
 ):
     zone = shapely.multipolygons([o for o in outlines_ if o.is_valid])
@@ -337,7 +337,7 @@ def test_no_site_and_no_leg_is_in_a_zone_and_losses_are_told(
             )
 
 
-def test_sites_shut_in_by_a_zone_are_dropped(file):
+def test_sites_enclosed_by_a_zone_are_dropped(file):
     path = file(shapely.box(-60, -60, 60, 60))
     ring = shapely.Point(0, 0).buffer(40).difference(shapely.Point(0, 0).buffer(25))
     plan = planned(path, no_fly=file(ring, name="ring.geojson"), buffer=0)
@@ -354,7 +354,7 @@ def test_sites_shut_in_by_a_zone_are_dropped(file):
     assert np.abs(Judge(inner).sites).max() < 40
 
 
-def test_turning_points_take_no_photo_and_reach_the_files(file, tmp_path):
+def test_turning_points_are_in_the_files_without_a_photo(file, tmp_path):
     path = file(shapely.box(-40, -40, 40, 40))
     zone = file(shapely.box(-30, -4, 30, 4), name="zone.geojson")
     plan = planned(path, no_fly=zone, buffer=2)
@@ -367,13 +367,13 @@ def test_turning_points_take_no_photo_and_reach_the_files(file, tmp_path):
     assert len(written) == len(plan.waypoints) + 1
 
 
-def test_an_area_in_a_zone_is_out_of_reach(file):
+def test_an_area_inside_a_zone_is_refused(file):
     path = file(shapely.box(-5, -5, 5, 5))
     with pytest.raises(InfeasibleError, match="sites lie in no-fly zones"):
         planned(path, no_fly=file(shapely.box(-90, -90, 90, 90), name="zone.geojson"))
 
 
-def test_lines_are_flown_through_where_no_zone_is_in_the_way(file):
+def test_lines_are_flown_without_stops_if_no_zone_is_in_the_way(file):
     path = file(shapely.box(-60, -40, 60, 40))
     away = file(shapely.box(300, 300, 310, 310), name="away.geojson")
     plan = planned(path, no_fly=away, heading=90, trigger="distance", drone="dji-m3t")
@@ -387,7 +387,7 @@ def test_lines_are_flown_through_where_no_zone_is_in_the_way(file):
         planned(path, no_fly=middle, heading=90, trigger="distance")
 
 
-def test_ways_from_the_takeoff_through_a_zone_are_told(file):
+def test_a_warning_names_paths_from_the_takeoff_through_a_zone(file):
     path = file(shapely.box(-40, -40, 40, 40))
     wall = file(shapely.box(-100, -60, 100, -55), name="wall.geojson")
     (south, north), longitudes = to_wgs84(PLACES[0], [0.0, 0.0], [-90.0, 90.0])
@@ -414,7 +414,7 @@ def test_batteries_and_resuming_neither_lose_nor_repeat_a_site(file):
 # Limits
 
 
-def test_more_sites_than_allowed_are_refused_before_they_are_laid_out(file):
+def test_too_many_sites_are_refused_before_they_are_computed(file):
     path = file(shapely.box(-9000, -9000, 9000, 9000))
     # 18 000² / 2.8² = 41.3 million
     for options, why in (({}, "10000 that --max-sites allows"), ({"max_sites": 10**9}, "one plan")):
@@ -427,7 +427,7 @@ def test_more_sites_than_allowed_are_refused_before_they_are_laid_out(file):
     assert planned(small, max_sites=2 * needed).layout.survey.sites >= needed
 
 
-def test_the_number_in_the_refusal_is_enough(file):
+def test_the_max_sites_that_a_refusal_suggests_is_enough(file):
     path = file(shapely.box(-60, -60, 60, 60))
     plan = planned(path, max_sites=100_000)
     with pytest.raises(RequestError) as caught:
@@ -454,7 +454,7 @@ def test_images_too_small_for_the_grid_are_an_error_with_a_remedy(file):
 @pytest.mark.parametrize(
     ("vhat", "optimize"), [(0.8, "time"), (0.88, "samples"), (0.9, "time"), (0.92, "samples")]
 )
-def test_the_best_grid_is_one_that_the_images_take(file, vhat, optimize):
+def test_the_best_grid_fits_into_the_images(file, vhat, optimize):
     path = file(shapely.box(-40, -30, 40, 30))
     # Without an interval, the grid with the shortest time takes more photos than are allowed.
     options = {"vhat": vhat, "optimize": optimize, "trigger": "distance", "photo_interval": 1.0}
@@ -489,7 +489,7 @@ def test_auto_heading_flies_along_the_longer_side(file):
     assert again.document() == plan.document()
 
 
-def test_a_plain_square_is_flown_at_the_bound(file):
+def test_the_path_over_a_square_has_the_length_of_the_lower_bound(file):
     plan = planned(file(shapely.box(-50, -50, 50, 50)))
     assert plan.layout.survey.length_m == pytest.approx(plan.layout.survey.shortest_m)
     assert plan.document()["area"]["over_shortest"] == pytest.approx(1.0)

@@ -105,7 +105,7 @@ def test_small_tours_are_mostly_the_best():
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (6, 7), (30, 20)])
-def test_a_rectangle_is_flown_in_the_least_possible(shape):
+def test_the_tour_of_a_rectangle_has_the_shortest_possible_length(shape):
     places = itertools.product(range(shape[0]), range(shape[1]))
     numbers, points = numbered(places, (2.0, 2.0))
     tour = flown(numbers, points)
@@ -120,7 +120,7 @@ def test_lines_are_flown_along_the_axis_that_takes_less_time():
     assert flown(tall, points).axis == "across"
 
 
-def test_the_time_of_legs_decides_not_their_length():
+def test_tours_minimise_the_time_of_legs_and_not_their_length():
     numbers, points = numbered({(0, 0), (0, 1), (0, 9), (3, 0), (3, 9), (7, 7)}, (1.0, 1.0))
     timing = Timing(5.0, 2.0, 0.0)
     quick = timing.leg_s
@@ -130,7 +130,7 @@ def test_the_time_of_legs_decides_not_their_length():
     assert total(points[tour.order], quick) == pytest.approx(best, rel=1e-9)
 
 
-def test_lines_that_are_flown_through_stay_whole_and_along_the_heading():
+def test_lines_flown_without_stops_remain_whole_and_along_the_heading():
     numbers, points = numbered(itertools.product(range(12), range(5)), (4.0, 1.0))
     tour = flown(numbers, points, timing=Timing(fly_through=True))
     assert tour.axis == "along"
@@ -138,7 +138,7 @@ def test_lines_that_are_flown_through_stay_whole_and_along_the_heading():
     assert (np.diff(rows) != 0).sum() == 11
 
 
-def test_islands_are_near_the_bound():
+def test_tours_of_separate_islands_are_near_the_lower_bound():
     rng = np.random.default_rng(5)
     places = {
         (int(row) + dy, int(column) + dx)
@@ -221,7 +221,7 @@ def around_on_a_raster(zone, start, stop, step=0.25, reach=14.0):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_way_around_is_the_shortest(seed):
+def test_detours_around_zones_have_the_shortest_length(seed):
     rng = np.random.default_rng(seed)
     zone = shapely.union_all(
         [shapely.box(*c, *(c + rng.uniform(1, 5, 2))) for c in rng.uniform(-7, 3, (4, 2))]
@@ -233,14 +233,14 @@ def test_the_way_around_is_the_shortest(seed):
     assert found / 1.03 <= own <= found + 1.0
 
 
-def test_a_square_is_passed_by_its_corners():
+def test_a_detour_around_a_square_turns_at_its_corners():
     zones = NoFlyZones(shapely.box(-10, -10, 10, 10))
     start, stop = np.array([-30.0, 0.0]), np.array([30.0, 0.0])
     assert zones.length_m(start, stop) == pytest.approx(2 * math.hypot(20, 10) + 20, rel=0.01)
     assert len(zones.around(start, stop)) >= 2
 
 
-def test_there_is_no_way_out_of_a_ring():
+def test_no_path_leaves_a_closed_ring():
     ring = shapely.Point(0, 0).buffer(10).difference(shapely.Point(0, 0).buffer(5))
     zones = NoFlyZones(ring)
     inner, outer = np.array([0.0, 0.0]), np.array([20.0, 0.0])
@@ -250,7 +250,7 @@ def test_there_is_no_way_out_of_a_ring():
     assert zones.around(outer, np.array([-20.0, 0.0])) is not None
 
 
-def test_rings_within_rings_are_different_places():
+def test_points_in_nested_rings_have_different_enclosures():
     rings = [
         shapely.Point(0, 0).buffer(r + 2).difference(shapely.Point(0, 0).buffer(r)) for r in (5, 20)
     ]

@@ -73,7 +73,9 @@ def occluders(slabs, altitude, focal_length, count):
 
 
 @given(size=sizes, height=heights, altitude=altitudes, baseline=st.floats(0.01, 50.0))
-def test_disparity_over_projected_size_is_b_h_over_h_o(size, height, altitude, baseline):
+def test_normalised_disparity_is_b_times_height_over_altitude_times_size(
+    size, height, altitude, baseline
+):
     dhat = disparity_px(baseline, height, altitude, SHARP) / occluder_px(
         size, height, altitude, SHARP
     )
@@ -108,7 +110,7 @@ def test_an_occluder_is_at_least_one_pixel_large():
     above=st.floats(1.0, 100.0),
     share=coverages,
 )
-def test_one_slab_needs_o_h_over_the_height_that_the_share_exceeds(
+def test_the_baseline_of_one_slab_follows_from_the_height_above_which_the_share_lies(
     bottom, thickness, size, above, share
 ):
     altitude = bottom + thickness + above
@@ -147,7 +149,7 @@ def test_the_papers_forest_has_the_papers_densities():
     share=coverages,
     focal_length=st.sampled_from([SHARP, 3000.0, 400.0, 60.0]),
 )
-def test_the_baseline_is_the_quantile_of_what_single_occluders_need(
+def test_the_baseline_is_a_quantile_of_the_baselines_of_single_occluders(
     slabs, altitude, share, focal_length
 ):
     found = coverage_baseline(slabs, altitude, focal_length, share).baseline_m
@@ -166,7 +168,9 @@ def test_the_baseline_is_the_quantile_of_what_single_occluders_need(
     baseline=st.floats(0.01, 200.0),
     focal_length=st.sampled_from([SHARP, 3000.0, 60.0]),
 )
-def test_the_share_is_that_of_single_occluders(slabs, altitude, baseline, focal_length):
+def test_the_coverage_share_equals_a_count_of_single_occluders(
+    slabs, altitude, baseline, focal_length
+):
     needed, shares = occluders(slabs, altitude, focal_length, count=5000)
     counted = shares[needed <= baseline].sum()
     found = coverage_share(slabs, altitude, focal_length, baseline)
@@ -181,7 +185,7 @@ def test_the_baseline_is_the_smallest_that_covers_the_share(slabs, altitude, sha
 
 
 @given(slabs=stacks(), altitude=altitudes, share=coverages)
-def test_the_deciding_occluder_has_a_disparity_of_one(slabs, altitude, share):
+def test_the_occluder_that_determines_the_baseline_has_disparity_one(slabs, altitude, share):
     baseline, height, size = coverage_baseline(slabs, altitude, 3000.0, share)
     assert any(
         slab.bottom_m <= height <= slab.top_m and size == slab.occluder_size_m for slab in slabs
@@ -199,7 +203,7 @@ def test_the_deciding_occluder_has_a_disparity_of_one(slabs, altitude, share):
     share=coverages,
     cuts=st.lists(st.floats(0.01, 0.99), min_size=1, max_size=9, unique=True),
 )
-def test_a_slab_cut_into_many_is_the_same_slab(bottom, thickness, size, share, cuts):
+def test_cutting_a_slab_into_many_changes_no_baseline(bottom, thickness, size, share, cuts):
     edges = [bottom, *(bottom + cut * thickness for cut in sorted(cuts)), bottom + thickness]
     pieces = tuple(Slab(low, high, size, high - low) for low, high in pairwise(edges) if high > low)
     altitude = bottom + thickness + 10.0
@@ -256,7 +260,7 @@ def test_below_a_pixel_the_disparity_has_to_reach_one_pixel():
     assert disparity_px(found.baseline_m, found.height_m, 50.0, 2000.0) == near(1.0, rel=1e-12)
 
 
-def test_a_gap_between_slabs_is_not_asked_to_be_covered():
+def test_a_gap_between_slabs_needs_no_coverage():
     slabs = (Slab(1.0, 2.0, 0.2, 1.0), Slab(5.0, 10.0, 0.2, 1.0))
     # The upper slab is covered at baselines of at least 0.2 · 50/5. Any larger share needs the top
     # of the lower slab.
@@ -283,7 +287,7 @@ def test_slabs_without_thickness_are_covered_one_after_the_other():
     assert coverage_baseline(close, 50.0, SHARP, 0.51).height_m == 5.0
 
 
-def test_all_occluders_may_be_asked_for_where_none_stand_on_the_focal_plane():
+def test_full_coverage_is_possible_if_no_occluder_is_on_the_focal_plane():
     for slabs in (
         (Slab(1.0, 3.0, 0.2, 1.0),),
         (Slab(1.0, 2.0, 0.2, 1.0), Slab(2.0, 3.0, 0.2, 1.0)),
@@ -307,7 +311,7 @@ def test_occluders_on_the_focal_plane_cannot_all_be_covered(slabs):
     assert math.isfinite(coverage_baseline(slabs, 50.0, SHARP, 0.98).baseline_m)
 
 
-def test_without_a_baseline_nothing_is_covered():
+def test_at_tiny_baselines_no_occluder_is_covered():
     slab = (Slab(1.0, 3.0, 0.2, 1.0),)
     assert coverage_share(slab, 50.0, SHARP, 0.0) == 0.0
     assert coverage_share(slab, 50.0, SHARP, 1e-3) == 0.0

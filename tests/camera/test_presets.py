@@ -41,7 +41,7 @@ def test_pixels_are_square(name):
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_a_pitch_that_is_named_is_the_pitch(name):
+def test_the_pixel_pitch_in_a_source_is_that_of_the_preset(name):
     camera = CAMERAS[name]
     pitches = set(re.findall(r"([\d.]+) µm", camera.source + camera.assumed))
     for pitch in pitches:
@@ -51,7 +51,7 @@ def test_a_pitch_that_is_named_is_the_pitch(name):
 
 
 @pytest.mark.parametrize("name", [n for n, camera in CAMERAS.items() if [*stated_fields(camera)]])
-def test_the_pinhole_sees_what_the_maker_states_or_the_preset_says_why_not(name):
+def test_fields_of_view_agree_with_the_makers_or_the_preset_explains_the_difference(name):
     camera = CAMERAS[name]
     for stated, extent_mm in stated_fields(camera):
         off = field_deg(extent_mm, camera) / stated - 1

@@ -85,7 +85,7 @@ def test_choices_are_those_that_the_option_takes(option):
         option.parse(word, option.flag)
 
 
-def test_the_names_that_are_completed_exist():
+def test_completed_option_names_exist():
     named = {
         each.name
         for command in COMMANDS
@@ -130,12 +130,12 @@ def files(folder):
     ],
     ids=" ".join,
 )
-def test_files_by_their_ending(files, line, offered):
+def test_files_are_completed_by_their_extension(files, line, offered):
     assert words(*line) == offered
 
 
 @pytest.mark.parametrize("line", [["plan", "--ca"], ["plan", "--camera", ""], ["sweep", ""], [""]])
-def test_completing_loads_nothing_heavy(line):
+def test_completion_loads_no_heavy_modules(line):
     code = (
         f"import sys\nfrom aosplan.cli.app import GROUP\nfrom aosplan.cli.completion import candidates\ncandidates({line!r}, GROUP)\n"
         "print(*sys.modules)"
@@ -145,7 +145,7 @@ def test_completing_loads_nothing_heavy(line):
     assert not loaded & {"numpy", "scipy", "pyproj", "shapely", "pydantic", "rich", "polars"}
 
 
-def test_only_who_asks_loads_the_completion():
+def test_the_completion_module_is_loaded_only_on_request():
     code = "import sys\nfrom aosplan.cli.app import run\nrun(['--version'])\nprint(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "aosplan.cli.completion" not in done.stdout
@@ -172,7 +172,7 @@ def test_only_who_asks_loads_the_completion():
         ("", "", [*COMMANDS, "--version", "--install-completion", "--show-completion", "--help"]),
     ],
 )
-def test_bash_gets_the_part_behind_its_last_word_break(files, line, breaks, replies):
+def test_bash_receives_the_part_after_its_last_word_break(files, line, breaks, replies):
     asked = {"AOSPLAN_COMPLETE": "bash", "COMP_LINE": line, "COMP_WORDBREAKS": breaks}
     done = process(**asked)
     assert (done.returncode, done.stderr) == (0, b"")
@@ -250,7 +250,7 @@ def needs(shell):
 
 @pytest.mark.parametrize("shell", [pytest.param(name, marks=needs(name)) for name in SHELLS])
 @pytest.mark.parametrize(("line", "wanted"), CASES, ids=[line for line, _ in CASES])
-def test_a_shell_completes(program, files, shell, line, wanted):
+def test_bash_and_zsh_complete_words(program, files, shell, line, wanted):
     command, begin = SHELLS[shell]
     wanted = wanted.replace(" ", "\\ ")[len(line.split()[-1]) :]  # the part that the shell adds
     source = [*begin, f"source {script(shell, files)}"]
@@ -310,7 +310,7 @@ def test_the_grammar_of_powershell_accepts_its_script(parsed):
         ("aosplan.exe plan --area 'C:\\no folder\\", []),
     ],
 )
-def test_powershell_hands_over_its_line(monkeypatch, capsys, line, wanted):
+def test_powershell_passes_the_whole_line(monkeypatch, capsys, line, wanted):
     monkeypatch.setenv("AOSPLAN_COMPLETE", "powershell")
     monkeypatch.setenv("COMP_LINE", line)
     assert run([]) == 0
@@ -318,7 +318,7 @@ def test_powershell_hands_over_its_line(monkeypatch, capsys, line, wanted):
     assert wanted is None or found == wanted
 
 
-def test_powershell_gets_utf8_whatever_the_encoding_of_the_system(tmp_path):
+def test_powershell_receives_utf8_with_any_system_encoding(tmp_path):
     (tmp_path / "wäldchen.geojson").touch()
     found = subprocess.run(
         [sys.executable, "-m", "aosplan"],
@@ -356,7 +356,9 @@ def test_powershell_completes(files):
         ("powershell", "settings/aosplan/completion.ps1"),
     ],
 )
-def test_installing_writes_where_the_shell_looks(folder, command, monkeypatch, shell, path):
+def test_completion_is_installed_where_the_shell_reads_it(
+    folder, command, monkeypatch, shell, path
+):
     for name, place in (
         ("HOME", "home"),
         ("XDG_DATA_HOME", "data"),

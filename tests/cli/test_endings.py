@@ -139,7 +139,7 @@ created.
         ("type('Class', (), {'member': Member()})", {130}),
     ],
 )
-def test_ctrl_c_is_neither_lost_nor_taken_for_another_fault(folder, then, statuses):
+def test_ctrl_c_in_callbacks_and_class_bodies_is_status_130(folder, then, statuses):
     line = [sys.executable, "-c", MET.replace("{then}", then)]
     line += ["plan", "--altitude", "40", "--out", "a.csv"]
     done = subprocess.run(line, capture_output=True, check=False, text=True, timeout=50)
@@ -170,7 +170,7 @@ def test_ctrl_c_just_before_or_after_the_run_is_status_130(late):
     assert (done.returncode, done.stderr) == (130, "")
 
 
-def test_what_has_ctrl_c_ignored_keeps_it_ignored():
+def test_ignored_ctrl_c_remains_ignored():
     status, err = signalled(signal.SIGINT, 0.0, ["plan", "--altitude", "40"], signal.SIG_IGN)
     assert (status, err) == (0, "")
 
@@ -200,7 +200,7 @@ def shell(text):
         "plan --altitude 40 --grid line 2>&1 | true",
     ],
 )
-def test_readers_that_leave_early_are_no_error(line):
+def test_a_reader_that_stops_early_causes_no_error(line):
     assert shell(f"{PROGRAM} {line}").stderr == ""
 
 
@@ -216,7 +216,7 @@ def test_readers_that_leave_early_are_no_error(line):
         ("plan --altitude 40 --grid line 2>&- | wc -l", 0),
     ],
 )
-def test_closed_streams_take_nothing_with_them(folder, line, status):
+def test_closed_standard_streams_do_not_affect_other_files(folder, line, status):
     done = shell(f"{PROGRAM} {line}")
     assert done.returncode == status
     assert "Traceback" not in done.stderr

@@ -18,7 +18,7 @@ main()
     ("command", "own", "threads"),
     [("plan", None, "1"), ("plan", "3", "3"), ("thin", None, "None"), ("thin", "3", "3")],
 )
-def test_only_thinning_has_threads_for_products_of_matrices(monkeypatch, command, own, threads):
+def test_only_thin_uses_threads_for_matrix_products(monkeypatch, command, own, threads):
     if own is None:
         monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     else:

@@ -201,7 +201,7 @@ def test_a_bad_command_line_is_one_error_and_writes_nothing(folder, command, lin
         ("visibility --density 50 --samples 50 --dhat 1", "50", "--density"),
     ],
 )
-def test_errors_name_the_offending_value_and_where_it_stands(command, line, value, place):
+def test_errors_name_the_wrong_value_and_its_place(command, line, value, place):
     _, _, err = command(*shlex.split(line))
     error = err.splitlines()[0]
     assert value in error
@@ -307,7 +307,7 @@ def test_a_hint_never_asks_for_more_than_one_plan_may_have(command):
     ],
 )
 @pytest.mark.parametrize("output", [["--json"], []], ids=["json", "table"])
-def test_absurd_numbers_never_end_in_a_traceback(command, line, output):
+def test_extreme_numbers_cause_no_traceback(command, line, output):
     # An unexpected exception fails the test.
     status, out, err = command(*shlex.split(line), *output)
     if status != 0:
@@ -394,11 +394,11 @@ NASTY = [
     ],
     ids=" ".join,
 )
-def test_nasty_names_do_not_break_the_one_line_of_an_error(command, arguments, name):
+def test_unusual_file_names_leave_errors_on_one_line(command, arguments, name):
     check_refusal(*command(*(argument.format(name) for argument in arguments)))
 
 
-def test_names_in_files_cannot_steer_the_terminal(folder, command):
+def test_names_in_files_write_no_escape_sequences_to_the_terminal(folder, command):
     (folder / "s.toml").write_text(
         'name = "x\\ny"\ntitle = "\\u001b[31mred\\u001b]0;owned\\u0007"\ndensity = 0.01\n'
         "occluder_size_m = 0.2\nvolume_base_m = 2\nvolume_height_m = 18\n"
@@ -409,7 +409,7 @@ def test_names_in_files_cannot_steer_the_terminal(folder, command):
         assert all(line.isprintable() for line in out.split("\n"))
 
 
-def test_a_warning_stays_one_line_whatever_a_file_says(folder, command):
+def test_warnings_with_text_from_files_are_one_line(folder, command):
     (folder / "s.toml").write_text(
         'name = "x\\ny"\ndensity = 0\noccluder_size_m = 0.2\nvolume_base_m = 2\n'
         "volume_height_m = 18\n"
@@ -419,7 +419,7 @@ def test_a_warning_stays_one_line_whatever_a_file_says(folder, command):
 
 
 @pytest.mark.parametrize("flag", ["--scene", "--camera", "--vhat", "--out", "--area", "--drone"])
-def test_a_name_without_end_leaves_a_message_that_can_be_read(command, flag):
+def test_very_long_names_are_shortened_in_messages(command, flag):
     refused = command("plan", "--altitude", "40", flag, "y" * 100_000)
     check_refusal(*refused, expected=refused[0])
     assert re.search(r"yyy(…|\.\.\.)", refused[2])

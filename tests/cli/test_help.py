@@ -27,7 +27,7 @@ def test_help_lists_every_command(command):
     assert command() == (status, out, err)
 
 
-def test_summaries_in_the_list_are_whole(command):
+def test_summaries_in_the_list_of_commands_are_not_cut(command):
     _, out, _ = command("--help")
     assert "..." not in out.partition("Commands:")[2]
 
@@ -121,7 +121,7 @@ def test_short_help_of_plan_fits_on_two_screens_and_says_how_to_see_the_rest(com
 
 
 @pytest.mark.parametrize("name", ["review", "thin", "plot"])
-def test_commands_that_take_a_saved_plan_show_their_own_options_alone(command, name):
+def test_commands_for_saved_plans_show_only_their_own_options(command, name):
     _, short, _ = command(name, "--help")
     flags = {option.flag for option in OPTIONS}
     own = set(re.findall(r"^  (--[\w-]+)", short, re.MULTILINE))
@@ -137,7 +137,7 @@ def test_version(command):
 
 
 @pytest.mark.parametrize("line", ["-h", "help", "--help"])
-def test_help_has_the_names_that_people_try(command, line):
+def test_help_is_shown_for_common_help_arguments(command, line):
     assert command(line) == command("--help")
     assert command(*reversed([line, "plan"]))[0] in {0, 2}
     assert command("help", "plan") == command("plan", "-h") == command("plan", "--help")
@@ -153,7 +153,7 @@ def test_help_has_the_names_that_people_try(command, line):
         ("help plna", "plan"),
     ],
 )
-def test_mistakes_are_told_the_nearest_name(command, line, hint):
+def test_misspelt_commands_and_options_get_the_nearest_name(command, line, hint):
     status, out, err = command(*line.split())
     assert (status, out) == (2, "")
     assert hint in err.splitlines()[1]

@@ -63,7 +63,7 @@ def star(points):
 
 
 @pytest.mark.parametrize("points", [300, 6000])
-def test_an_outline_that_crosses_itself_everywhere(refused, points):  # > 60 s; 9 GB
+def test_an_outline_with_very_many_self_crossings_is_refused(refused, points):  # > 60 s; 9 GB
     area = {"type": "Polygon", "coordinates": [star(points)]}
     assert "crosses itself near" in refused("star.geojson", area, *AREA, "star.geojson")
 
@@ -78,14 +78,14 @@ def grid_of_needles(count):
             yield [[[14.3 + p[turned], 48.3 + p[not turned]] for p in ring]]
 
 
-def test_polygons_that_cross_each_other_everywhere(refused):  # gigabytes
+def test_polygons_with_very_many_crossings_are_refused(refused):  # gigabytes
     area = {"type": "MultiPolygon", "coordinates": list(grid_of_needles(600))}
     assert "cross each other too often" in refused(
         "needles.geojson", area, *AREA, "needles.geojson"
     )
 
 
-def test_few_polygons_may_cross(folder, command):
+def test_polygons_with_few_crossings_are_accepted(folder, command):
     area = {"type": "MultiPolygon", "coordinates": list(grid_of_needles(3))}
     (folder / "few.geojson").write_text(json.dumps(area), encoding="utf-8")
     status, _, err = command(*AREA, "few.geojson", "--samples", 4)
@@ -102,16 +102,16 @@ DOTS = {
 
 
 @pytest.mark.parametrize("kind", DOTS)
-def test_a_dotted_key_is_not_followed_to_its_end(refused, kind):
+def test_very_deep_dotted_keys_are_refused(refused, kind):
     assert "nested too deeply to be read" in refused("dots.toml", DOTS[kind], "plan", "dots.toml")
 
 
-def test_a_toml_file_of_tables_alone(refused):  # 1 kB of memory for every 6 bytes
+def test_a_toml_file_with_too_many_tables_is_refused(refused):  # 1 kB of memory for every 6 bytes
     text = "".join(f"[a{index}]\n" for index in range(200_001))
     assert "more than 200000 names" in refused("tables.toml", text, "plan", "tables.toml")
 
 
-def test_text_with_dots_is_no_key(folder, command):
+def test_text_with_dots_is_not_counted_as_a_dotted_key(folder, command):
     stand = f'title = "{"Some words. Others. " * 100}{"..." * 100}"\n' + "".join(
         f"{name} = {json.dumps(value)}\n" for name, value in STAND.items()
     )
@@ -119,20 +119,20 @@ def test_text_with_dots_is_no_key(folder, command):
     assert command("scene", "stand.toml")[0] == 0
 
 
-def test_a_name_that_is_given_very_often(refused):  # > 60 s
+def test_a_name_repeated_very_often_is_refused(refused):  # > 60 s
     names = ", ".join(f'"{index}": 0' for index in [*range(100_000), 99_999])
     assert "'99999' is given twice" in refused("often.json", f"{{{names}}}", "scene", "often.json")
 
 
 @pytest.mark.parametrize("name", ["\ud800", "a\udfff", "\ude00\ud83d"])
 @pytest.mark.parametrize("where", ["value", "name"])
-def test_half_a_surrogate_pair_is_no_text(refused, name, where):  # UnicodeEncodeError
+def test_an_unpaired_surrogate_is_refused(refused, name, where):  # UnicodeEncodeError
     stand = {**STAND, "name": name} if where == "value" else {**STAND, name: 1}
     message = refused("stand.json", stand, "scene", "stand.json", "--json")
     assert "is not Unicode text" in message
 
 
-def test_a_whole_surrogate_pair_is_text(folder, command):
+def test_a_surrogate_pair_is_accepted(folder, command):
     (folder / "stand.json").write_text(json.dumps({**STAND, "name": "🌲"}), encoding="ascii")
     status, out, _ = command("scene", "stand.json", "--json")
     assert status == 0
@@ -140,7 +140,7 @@ def test_a_whole_surrogate_pair_is_text(folder, command):
 
 
 @pytest.mark.parametrize("argument", ["\udcff.toml", "a\udc80b"])
-def test_an_argument_that_is_not_unicode(command, argument):
+def test_a_non_unicode_argument_is_refused(command, argument):
     status, out, err = command(*PLAN, "--scene", argument)
     check_refusal(status, out, err)
     assert "is not Unicode text" in err
@@ -148,28 +148,28 @@ def test_an_argument_that_is_not_unicode(command, argument):
 
 @pytest.mark.parametrize("number", ["1e999", "-1e400", "1" + "0" * 400])
 @pytest.mark.parametrize("suffix", ["json", "toml"])
-def test_a_number_that_no_float_can_hold(refused, number, suffix):
+def test_a_number_too_large_for_a_float_is_refused(refused, number, suffix):
     text = f'{{"name": "a", "x": [0, {number}]}}' if suffix == "json" else f"x = [0, {number}]"
     message = refused(f"a.{suffix}", text, "scene", f"a.{suffix}")
     assert "x.1 is too large a number" in message
 
 
 @pytest.mark.parametrize("encoding", ["foo", "utf-7", "rot13", "utf-16"])
-def test_an_xml_encoding_that_nobody_knows(refused, encoding):  # LookupError
+def test_an_unknown_xml_encoding_is_refused(refused, encoding):  # LookupError
     text = f'<?xml version="1.0" encoding="{encoding}"?><kml/>'
     refused("area.kml", text, *AREA, "area.kml")
 
 
 @pytest.mark.parametrize("value", [1e308, 1e-300])
 @pytest.mark.parametrize("name", ["focal_length_mm", "sensor_width_mm"])
-def test_a_camera_whose_numbers_overflow(refused, name, value):  # inf in JSON
+def test_a_camera_with_overflowing_numbers_is_refused(refused, name, value):  # inf in JSON
     message = refused(
         "core.json", {**CAMERA, name: value}, *PLAN, "--camera", "core.json", "--json"
     )
     assert f"{name} {value:g} is not between" in message
 
 
-def test_a_geometry_whose_type_is_a_list(refused):  # TypeError
+def test_a_geometry_with_a_list_as_type_is_refused(refused):  # TypeError
     point = {"type": ["Point"], "coordinates": [14.0, 48.0]}
     points = {"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": point}]}
     arguments = ("--positions", "points.geojson", "--density", 0.5, "--spacing", 2)
@@ -199,11 +199,11 @@ HUGE = [10**400, 10**20, -1, "many"]
 
 
 @pytest.mark.parametrize("points", HUGE, ids=["overflow", "large", "negative", "text"])
-def test_a_voxel_file_with_a_count_that_is_none(refused, points):  # OverflowError
+def test_a_voxel_file_with_an_invalid_point_count_is_refused(refused, points):  # OverflowError
     refused("stand.npz", voxels({"points": points}), "scene", "stand.npz")
 
 
-def test_a_voxel_file_of_bytes_in_place_of_arrays(refused):  # AttributeError
+def test_a_voxel_file_with_bytes_instead_of_arrays_is_refused(refused):  # AttributeError
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w") as archive:
         archive.writestr("about", b"{}")
@@ -211,19 +211,21 @@ def test_a_voxel_file_of_bytes_in_place_of_arrays(refused):  # AttributeError
     assert "are not arrays" in refused("a.npz", content.getvalue(), "scene", "a.npz")
 
 
-def test_a_voxel_file_that_unpacks_to_much_more(refused):  # 4.1 GB
+def test_a_voxel_file_with_extreme_compression_is_refused(refused):  # 4.1 GB
     content = voxels({}, np.zeros((1, 5000, 5000), np.uint8))
     assert len(content) < 100_000
     message = refused("bomb.npz", content, "scene", "bomb.npz")
     assert "are too few for a stand of" in message
 
 
-def test_a_voxel_file_as_it_should_be(folder, command):
+def test_a_valid_voxel_file_is_read(folder, command):
     (folder / "stand.npz").write_bytes(voxels({}))
     assert command("scene", "stand.npz", "--quiet")[0] == 0
 
 
-def test_a_table_that_declares_more_rows_than_it_holds(folder, command):  # 3.5 GB and > 60 s
+def test_a_parquet_file_declaring_more_rows_than_it_has_is_refused(
+    folder, command
+):  # 3.5 GB and > 60 s
     polars = pytest.importorskip("polars")
     polars.DataFrame({"altitude": np.full(2_100_000, 40.0)}).write_parquet("rows.parquet")
     status, out, err = command("sweep", "rows.parquet", "--summary")
@@ -231,7 +233,7 @@ def test_a_table_that_declares_more_rows_than_it_holds(folder, command):  # 3.5 
     assert "declares 2100000 rows, more than its" in err
 
 
-def test_a_library_that_panics(command, monkeypatch):  # a traceback
+def test_a_panic_in_a_library_gives_one_error_line(command, monkeypatch):  # a traceback
     polars = pytest.importorskip("polars")
 
     class PanicException(BaseException):
@@ -267,7 +269,7 @@ ECKERT = (
 )
 
 
-def test_a_terrain_in_a_projection_that_cannot_be(folder, command):  # ProjError
+def test_a_terrain_with_an_impossible_projection_is_refused(folder, command):  # ProjError
     geotiff("dem.tif", np.full((20, 20), 100.0), ECKERT, 10.0, left=0.0, top=0.0)
     arguments = ("--samples", 9, "--baseline", 8, "--origin", "48.3,14.3", "--terrain", "dem.tif")
     status, out, err = command(*PLAN, *arguments, "--out", "a.csv")
@@ -278,7 +280,7 @@ def test_a_terrain_in_a_projection_that_cannot_be(folder, command):  # ProjError
     assert sorted(os.listdir()) == ["dem.tif"]
 
 
-def test_canopy_heights_that_overflow(folder, command):  # a RuntimeWarning of numpy
+def test_overflowing_canopy_heights_are_refused(folder, command):  # a RuntimeWarning of numpy
     heights = np.full((20, 20), 3e38)
     geotiff("chm.tif", heights, "EPSG:32633", 1.0, left=5e5, top=5e6, scale=1e30)
     status, out, err = command("scene", "chm.tif")
@@ -292,7 +294,9 @@ def jpeg(width, height):
 
 
 @pytest.mark.parametrize("side", [12_000, 40_000])
-def test_photos_that_declare_very_many_pixels(folder, command, side):  # a warning; an error
+def test_photos_declaring_very_many_pixels_are_handled(
+    folder, command, side
+):  # a warning; an error
     pytest.importorskip("PIL")
     (folder / "photos").mkdir()
     (folder / "photos" / "a.jpg").write_bytes(jpeg(side, side))
@@ -308,7 +312,9 @@ LENSES = {"singular": (80.0, 1e15), "overflow": (1e308, 60.0)}
 
 
 @pytest.mark.parametrize("kind", LENSES)
-def test_a_lens_whose_numbers_overflow(folder, command, kind):  # LinAlgError; RuntimeWarning
+def test_a_lens_with_overflowing_numbers_is_refused(
+    folder, command, kind
+):  # LinAlgError; RuntimeWarning
     cx, cy = LENSES[kind]
     (folder / "images").mkdir()
     (folder / "model").mkdir()
@@ -320,7 +326,7 @@ def test_a_lens_whose_numbers_overflow(folder, command, kind):  # LinAlgError; R
     assert "cameras.txt', line 1: c" in err
 
 
-def test_a_rotation_that_overflows(folder, command):  # RuntimeWarning
+def test_an_overflowing_rotation_is_refused(folder, command):  # RuntimeWarning
     (folder / "images").mkdir()
     pose = {"imagefile": "a.tif", "M3x4": [[1e300, 0, 0, 0], [0, 1e300, 0, 0], [0, 0, 1, 0]]}
     (folder / "poses.json").write_text(json.dumps({"images": [pose]}), encoding="utf-8")
@@ -339,7 +345,7 @@ def test_the_largest_plan_that_is_written_is_read(command):
 
 
 @pytest.mark.slow
-def test_export_reads_a_plan_beyond_what_other_documents_may_have(folder, command):
+def test_export_reads_plans_larger_than_the_limit_of_other_documents(folder, command):
     from aosplan.files import MOST_BYTES
 
     _, text, _ = command(*PLAN, "--origin", "48.3,14.3", "--json")
@@ -349,7 +355,7 @@ def test_export_reads_a_plan_beyond_what_other_documents_may_have(folder, comman
     assert command("export", "plan.json", "--out", "a.csv")[0] == 0
 
 
-def test_an_image_that_declares_more_pixels_than_it_holds(folder, command):  # 2.7 GB
+def test_an_image_declaring_more_pixels_than_it_has_is_refused(folder, command):  # 2.7 GB
     image = pytest.importorskip("PIL.Image")
     (folder / "images").mkdir()
     image.new("L", (6000, 5000)).save(folder / "images" / "a.png")

@@ -393,7 +393,7 @@ def default():
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_options_have_their_effect(document, default, name):
+def test_each_option_has_its_expected_effect(document, default, name):
     arguments, holds = EFFECTS[name]
     altitude = (
         []

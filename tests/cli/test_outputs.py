@@ -15,7 +15,7 @@ WIDE = "--allow-no-common-ground"
 """Option that allows apertures wider than the footprint, with a warning."""
 
 
-def test_out_writes_and_says_so(folder, command):
+def test_out_writes_a_file_and_reports_it(folder, command):
     status, out, err = command(
         "plan", "--altitude=40", "--origin=48,14", "--out=a.csv", "--out=b.geojson"
     )
@@ -31,13 +31,13 @@ def test_out_with_json_prints_one_document_and_writes(folder, document):
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_json_with_what_is_no_number_is_not_printed(capsys, value):
+def test_json_never_contains_nan_or_infinity(capsys, value):
     with pytest.raises(RequestError, match="too large for a number"):
         print_json({"a": value})
     assert capsys.readouterr().out == ""
 
 
-def test_a_dash_is_stdout_and_nothing_else_is_on_it(command):
+def test_output_to_a_dash_is_the_only_text_on_stdout(command):
     for arguments in (["--out", "csv:-"], ["--out", "-", "--format", "csv"]):
         status, out, err = command("plan", "--altitude", "40", *arguments)
         assert (status, err) == (0, "")
@@ -46,14 +46,14 @@ def test_a_dash_is_stdout_and_nothing_else_is_on_it(command):
         assert set(rows[0]) == {"index", "east_m", "north_m", "altitude_m"}
 
 
-def test_warnings_stay_out_of_stdout(command):
+def test_warnings_are_not_printed_on_stdout(command):
     status, out, err = command("plan", "--altitude", "40", "--grid", "line", WIDE, "--out", "csv:-")
     assert status == 0
     assert out.count("\n") == 51
     assert err.startswith("warning: no ground is in all photos")
 
 
-def test_an_existing_output_stays_unless_forced(folder, command):
+def test_an_existing_output_is_kept_without_force(folder, command):
     (folder / "a.csv").write_text("old")
     check_refusal(*command("plan", "--altitude", "40", "--out", "a.csv"))
     assert (folder / "a.csv").read_text() == "old"
@@ -62,7 +62,7 @@ def test_an_existing_output_stays_unless_forced(folder, command):
     assert (folder / "a.csv").read_text().startswith("index,")
 
 
-def test_one_existing_output_keeps_all_others_from_being_written(folder, command):
+def test_one_existing_output_prevents_all_outputs(folder, command):
     (folder / "b.csv").write_text("old")
     check_refusal(*command("plan", "--altitude", "40", "--out", "a.csv", "--out", "b.csv"))
     assert {path.name: path.read_text() for path in folder.iterdir()} == {"b.csv": "old"}
@@ -120,7 +120,7 @@ def test_ctrl_c_causes_no_traceback(command, monkeypatch):
 
 
 @pytest.mark.parametrize("more", [[], ["--grid", "line", WIDE], ["--out", "a.csv"]])
-def test_quiet_says_nothing(command, more):
+def test_quiet_prints_nothing(command, more):
     assert command("plan", "--altitude", "40", "--quiet", *more) == (0, "", "")
 
 

@@ -15,7 +15,7 @@ import aosplan
 # The requirements
 
 
-def test_forty_metres_and_98_percent(plan_of):
+def test_a_plan_at_40_m_for_98_percent_has_50_samples(plan_of):
     result = plan_of("--vhat", "0.98")
     assert result["baseline_m"] == pytest.approx(2.80, rel=0.005)
     assert result["samples"] == 50
@@ -29,7 +29,7 @@ def test_the_table_shows_the_same_numbers(command):
         assert text in out
 
 
-def test_fifty_metres_ask_for_three_and_a_half(document):
+def test_a_plan_at_50_m_has_a_baseline_of_3_5_m(document):
     assert document("plan", "--altitude", 50)["baseline_m"] == pytest.approx(3.5, rel=0.005)
 
 
@@ -47,7 +47,7 @@ def test_fifty_metres_ask_for_three_and_a_half(document):
     ids=" ".join,
 )
 @pytest.mark.parametrize("whole", [True, False])
-def test_a_result_fed_back_gives_the_same_plan(folder, document, arguments, whole):
+def test_a_saved_result_as_request_gives_the_same_plan(folder, document, arguments, whole):
     first = document("plan", *arguments)
     (folder / "again.json").write_text(json.dumps(first if whole else first["request"]))
     assert document("plan", "again.json") == first
@@ -96,7 +96,7 @@ def test_a_camera_that_a_request_names_is_looked_for_beside_it(folder, document)
 # Areas
 
 
-def test_an_area_gives_the_place_and_goes_into_every_format(folder, command):
+def test_an_area_gives_the_location_in_every_format(folder, command):
     line = ["plan", "--altitude", "40", "--vhat", "0.9", *FIELD, "--heading", "auto", "--quiet"]
     assert command(*line, "--out", "a.csv", "--out", "a.geojson")[0] == 0
     rows = list(csv.DictReader(io.StringIO((folder / "a.csv").read_text())))
@@ -106,7 +106,7 @@ def test_an_area_gives_the_place_and_goes_into_every_format(folder, command):
 
 
 @pytest.mark.slow
-def test_a_plan_over_an_area_fed_back_is_the_same(folder, document):
+def test_a_saved_plan_over_an_area_as_request_gives_the_same_plan(folder, document):
     line = ["--vhat", "0.9", *FIELD, "--clear", str(AREAS / "meadow.kml"), "--heading", "auto"]
     first = document("plan", "--altitude", "40", *line, "--no-fly", str(AREAS / "mast.geojson"))
     (folder / "again.json").write_text(json.dumps(first))
@@ -120,7 +120,7 @@ def test_areas_that_a_request_names_are_looked_for_beside_it(folder, document):
     assert document("plan", "sub/r.toml")["area"]["sites"] > 1000
 
 
-def test_the_table_tells_of_the_area(command):
+def test_the_table_describes_the_area(command):
     status, out, err = command("plan", "--altitude", "40", "--vhat", "0.9", *FIELD)
     assert status == 0
     assert re.fullmatch(r"warning: the flights take \d+ min in total; --trigger distance .*\n", err)
@@ -148,7 +148,7 @@ def test_the_table_tells_of_the_area(command):
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_options_of_areas_that_do_not_fit_are_one_error(command, arguments, message):
+def test_contradictory_options_of_areas_give_one_error(command, arguments, message):
     refused = command("plan", "--altitude", "40", *arguments)
     check_refusal(*refused)
     assert message in refused[2]
@@ -168,7 +168,7 @@ def test_options_of_areas_that_do_not_fit_are_one_error(command, arguments, mess
         ("spiral", 1, 50, 50, 50),  # a single path of sites, like a line
     ],
 )
-def test_grids_hold_at_least_the_samples_required(plan_of, kind, rows, columns, samples, required):
+def test_grids_have_at_least_the_required_samples(plan_of, kind, rows, columns, samples, required):
     result = plan_of("--grid", kind, "--allow-no-common-ground")
     assert (result["grid"]["kind"], result["samples"]) == (kind, samples)
     assert (result["grid"]["rows"], result["grid"]["columns"]) == (rows, columns)
@@ -189,7 +189,7 @@ def test_objectives_are_the_best_of_all(plan_of, objective):
         assert best <= measure(plan_of("--optimize", other)) * (1 + 1e-12)
 
 
-def test_no_occluders_is_one_sample_and_a_warning(command):
+def test_without_occluders_the_plan_has_one_sample_and_a_warning(command):
     line = ["plan", "--altitude", "40", "--density", "0", *UNIFORM]
     status, out, err = command(*line, "--json")
     result = loads(out)
@@ -200,20 +200,20 @@ def test_no_occluders_is_one_sample_and_a_warning(command):
 
 
 @pytest.mark.parametrize("flag", ["--density", "--integrated-density"])
-def test_nothing_but_occluders_is_an_error(command, flag):
+def test_a_scene_of_density_one_is_refused(command, flag):
     refused = command("plan", "--altitude", "40", flag, "1", *UNIFORM)
     check_refusal(*refused)
     assert "density" in refused[2]
 
 
-def test_a_missed_target_is_a_warning_where_both_unknowns_are_fixed(command):
+def test_a_missed_target_is_a_warning_if_samples_and_baseline_are_fixed(command):
     status, out, err = command("plan", "--altitude=40", "--samples=9", "--baseline=1", "--json")
     assert status == 0
     assert loads(out)["warnings"][0]["code"] == "target_missed"
     assert err.startswith("warning: V̂ = 0.98 is missed")
 
 
-def test_limits_say_what_bound_the_result(plan_of):
+def test_limits_name_the_bounds_that_determined_the_result(plan_of):
     result = plan_of("--samples", "60", "--baseline", "2")
     limits = {limit["quantity"]: limit for limit in result["limits"]}
     assert limits["samples"]["value"] == limits["samples"]["bound"] == 60
@@ -287,7 +287,7 @@ def test_the_json_of_a_plan_has_the_names_of_the_contract(plan_of):
         }
 
 
-def test_without_a_place_waypoints_have_no_coordinates(plan_of):
+def test_without_a_location_waypoints_have_no_coordinates(plan_of):
     for waypoint in plan_of()["waypoints"]:
         assert set(waypoint) == {"index", "east_m", "north_m", "altitude_m"}
 
@@ -313,7 +313,7 @@ def test_the_numbers_of_a_plan_agree_with_each_other(plan_of):
 
 
 @pytest.mark.parametrize("name", ["x" * 10_000, "x y " * 3000, "ü" * 500])
-def test_a_name_without_end_leaves_a_table_that_can_be_read(folder, command, name):
+def test_very_long_names_are_shortened_in_tables(folder, command, name):
     camera = {"name": name, "focal_length_mm": 9.1, "sensor_width_mm": 7.68}
     camera |= {"sensor_height_mm": 6.144, "image_width_px": 640, "image_height_px": 512}
     (folder / "c.json").write_text(json.dumps(camera))

@@ -53,7 +53,7 @@ def test_scenes_are_found_by_species_and_kind(document, command, word, names):
     assert names & set(err.splitlines()[1].rstrip("?").split())
 
 
-def test_words_that_no_scene_is_about_are_an_error(command):
+def test_search_words_without_a_matching_scene_are_refused(command):
     status, out, err = command("scenes", "desert")
     assert (status, out) == (2, "")
     assert "no built-in scene is of the species or type 'desert'" in err

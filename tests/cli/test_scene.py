@@ -18,7 +18,7 @@ def test_scene_statistics_have_the_names_of_the_contract(document):
     assert 1 - clear == pytest.approx(0.567)
 
 
-def test_a_saved_scene_plans_like_the_scene_it_was_saved_from(folder, document, command):
+def test_a_saved_scene_gives_the_same_plan_as_its_source(folder, document, command):
     assert command("scene", "savanna", "--save", "s.toml", "--quiet") == (0, "", "")
     saved, preset = (
         document("plan", "--altitude=40", "--scene=s.toml"),
@@ -36,7 +36,7 @@ def test_a_saved_scene_is_not_overwritten_unless_forced(folder, command):
     assert command("scene", "savanna", "--save", "s.toml", "--quiet", "--force")[0] == 0
 
 
-def test_a_scene_is_saved_under_each_name_that_is_given(folder, command):
+def test_a_scene_is_saved_under_every_given_name(folder, command):
     assert command("scene", "savanna", "--save", "a.toml", "--save", "b.toml", "--quiet")[0] == 0
     assert (folder / "a.toml").read_bytes() == (folder / "b.toml").read_bytes() != b""
     (folder / "b.toml").unlink()

@@ -60,7 +60,7 @@ def test_no_color_is_respected_on_a_terminal():
         assert not colour.search(on_a_terminal(*arguments, NO_COLOR="1"))
 
 
-def test_a_terminal_gets_the_same_words_as_a_pipe():
+def test_a_terminal_shows_the_same_text_as_a_pipe():
     shown = re.sub(r"\x1b\[[0-9;]*m", "", on_a_terminal("cameras"))
     piped = process("cameras").stdout.decode()
     assert [line.rstrip() for line in shown.splitlines()] == piped.splitlines()
@@ -85,7 +85,7 @@ def test_a_terminal_shows_what_is_done_with_a_point_cloud(tmp_path):
 
 
 @pytest.mark.parametrize("arguments", [["--json"], ["--out", "csv:-"]])
-def test_a_reader_that_goes_away_is_no_traceback(arguments):
+def test_a_reader_that_closes_the_pipe_causes_no_traceback(arguments):
     line = ["plan", "--altitude", "40", "--vhat", "0.9998", "--allow-no-common-ground", "--quiet"]
     line += arguments
     with subprocess.Popen(
@@ -99,7 +99,7 @@ def test_a_reader_that_goes_away_is_no_traceback(arguments):
 
 
 @pytest.mark.parametrize("arguments", [[], ["--json"], ["--out", "csv:-"]])
-def test_a_closed_stdout_is_no_traceback(arguments):
+def test_a_closed_stdout_causes_no_traceback(arguments):
     line = shlex.join([sys.executable, "-m", "aosplan", "plan", "--altitude", "40", *arguments])
     done = subprocess.run(
         ["sh", "-c", f"exec {line} >&-"], capture_output=True, check=False, text=True, timeout=60
@@ -108,7 +108,7 @@ def test_a_closed_stdout_is_no_traceback(arguments):
     assert done.returncode in (0, 1)
 
 
-def test_a_full_stdout_is_status_1_and_one_line(folder):
+def test_a_full_stdout_gives_status_1_and_one_error_line(folder):
     # The file cannot become larger, as on a full disk.
     line = shlex.join([sys.executable, "-m", "aosplan", "plan", "--altitude", "40", "--json"])
     done = subprocess.run(

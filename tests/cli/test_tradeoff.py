@@ -6,7 +6,7 @@ import pytest
 from support.command_line import loads
 
 
-def test_the_trade_off_is_one_table_in_three_forms(folder, document, command):
+def test_the_trade_off_is_the_same_table_in_three_formats(folder, document, command):
     line = ["tradeoff", "--altitude", "40", "--vhat", "0.9", "--max-samples", "30"]
     rows = document(*line, "--optimize", "aperture")["rows"]
     assert [row["samples"] for row in rows] == list(range(1, 31))
@@ -38,7 +38,7 @@ def test_the_trade_off_shows_the_front_and_the_plan_on_a_terminal(command):
     assert sum("◀" in line for line in out.splitlines()) == 2  # the row of the plan, and the note
 
 
-def test_rows_tell_how_likely_a_target_is_found(document, command):
+def test_rows_of_a_trade_off_have_the_probability_of_detection(document, command):
     scene = ["--integrated-density", "0.8", "--occluder-size", "0.5", "--volume-height", "3"]
     own = ["--contrast", "3", "--canopy-offset", "0", "--crown-share", "0", "--find", "person"]
     line = ["--altitude", "40", "--vhat", "0.9", "--max-samples", "14", *scene]

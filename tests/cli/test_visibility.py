@@ -17,7 +17,7 @@ def test_the_calculator_computes_equation_2(document):
     assert v["expected"] == pytest.approx(1 - 0.567**2 - 0.567 * 0.433 / 50)
 
 
-def test_the_calculator_takes_slices(document):
+def test_visibility_accepts_a_slice_density_and_height_ratio(document):
     result = document(
         *shlex.split("visibility --slice-density 0.0095 --height-ratio 87.69 --grid 7x7 --dhat 1")
     )
@@ -25,7 +25,7 @@ def test_the_calculator_takes_slices(document):
 
 
 @pytest.mark.parametrize("grid", ["7x8", "7X8", "7×8"])
-def test_the_calculator_takes_whole_grids(document, grid):
+def test_visibility_accepts_complete_grids(document, grid):
     result = document("visibility", "--density", "0.5", "--grid", grid, "--dhat", "0.25")
     assert result["samples"] == 56
     assert result["visibility"]["normalized"] < 1 - 1 / 56
@@ -39,7 +39,7 @@ def one_disparity(planned, spacing):
     return 1.0 - pattern_shortfall(pattern, planned["baseline_m"] / spacing)
 
 
-def test_the_calculator_takes_the_waypoints_of_a_plan(folder, document, command):
+def test_visibility_accepts_the_waypoints_of_a_plan(folder, document, command):
     planned = document("plan", "--altitude", "40", "--baseline", "1.9", "--out", "a.csv")
     # At the optimal baseline an occluder moves by its own size.
     spacing = planned["baseline_m"] / planned["disparity"]["normalized"]
@@ -54,7 +54,7 @@ def test_the_calculator_takes_the_waypoints_of_a_plan(folder, document, command)
 
 
 @pytest.mark.parametrize(("heading", "ending"), [(30, "csv"), (-75.5, "geojson"), (360, "plan")])
-def test_the_calculator_turns_the_waypoints_of_a_heading(folder, document, heading, ending):
+def test_visibility_rotates_waypoints_to_the_heading(folder, document, heading, ending):
     where = ["--origin", "48.3358,14.3261", f"--heading={heading}", "--out", f"a.{ending}"]
     planned = document("plan", "--altitude", "40", "--baseline", "1.9", *where)
     spacing = planned["baseline_m"] / planned["disparity"]["normalized"]
@@ -64,7 +64,7 @@ def test_the_calculator_turns_the_waypoints_of_a_heading(folder, document, headi
     assert (document(*line)["visibility"]["normalized"] == wanted) == (heading == 360)
 
 
-def test_the_calculator_shows_no_number_where_nothing_is_hidden(command):
+def test_visibility_omits_vhat_if_nothing_is_hidden(command):
     # With p = 0, V̂ is 0/0, which is null in JSON.
     status, out, _ = command("visibility", "--density", "0", "--samples", "50", "--dhat", "1")
     assert status == 0
@@ -83,7 +83,7 @@ def test_the_calculator_shows_no_number_where_nothing_is_hidden(command):
         ("x,y\n1e308,1e308\n-1e308,0\n", ""),
     ],
 )
-def test_bad_positions_are_refused_at_their_line(folder, command, content, words):
+def test_invalid_positions_are_refused_with_their_line(folder, command, content, words):
     (folder / "p.csv").write_text(content)
     refused = command("visibility", "--density", "0.5", "--positions", "p.csv", "--spacing", "1")
     check_refusal(*refused)

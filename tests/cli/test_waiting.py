@@ -17,7 +17,7 @@ SEARCH = [*SEARCH, "--max-samples", "30", "--max-aperture", "9"]
 CURSOR = "\x1b[?25h"
 
 
-def test_a_search_says_what_it_tries_and_leaves_nothing_behind():
+def test_a_long_search_shows_its_candidates_and_clears_the_line():
     shown = on_a_terminal(*SEARCH, program=AT_ONCE)
     tried = re.findall(r"searching: ([a-z0-9 ]+?)( of pitch [0-9.]+)?, N = \d+, b = \d", shown)
     assert tried
@@ -27,19 +27,19 @@ def test_a_search_says_what_it_tries_and_leaves_nothing_behind():
     assert "Baseline" in after
 
 
-def test_what_is_quick_shows_no_search():
+def test_a_quick_command_shows_no_progress():
     for arguments in (SEARCH, ["plan", "--altitude", "40"]):
         assert "searching" not in on_a_terminal(*arguments, TERM="dumb")
     assert "searching" not in on_a_terminal("plan", "--altitude", "40", program=AT_ONCE)
     assert "searching" not in on_a_terminal(*SEARCH, "--quiet", program=AT_ONCE)
 
 
-def test_a_pipe_is_told_of_no_search():
+def test_no_search_progress_is_written_to_a_pipe():
     done = process(*SEARCH)
     assert b"searching" not in done.stdout + done.stderr
 
 
-def test_ctrl_c_ends_a_search_and_gives_the_cursor_back():
+def test_ctrl_c_ends_a_search_and_restores_the_cursor():
     endless = [*SEARCH[:-4], "--max-samples", "100000"]
     shown, status = on_a_terminal(*endless, program=AT_ONCE, typed=b"\x03")
     assert status == 130

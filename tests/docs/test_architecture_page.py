@@ -18,7 +18,7 @@ from extensions import chapters  # noqa: E402
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def test_the_picture_has_every_chapter_and_no_arrow_that_runs_up():
+def test_the_diagram_has_every_chapter_and_only_downward_arrows():
     picture = ET.fromstring(chapters.svg())
     words = [text.text for text in picture.iter(f"{SVG}text")]
     folders = {path.parent.name for path in SOURCE.glob("*/__init__.py")}
@@ -78,7 +78,7 @@ print(status, *files, sep="\\n", file=sys.stderr)
 """Run a command, and print its status and the files in which a function was called."""
 
 
-def test_the_trip_enters_the_files_of_the_table(tmp_path):
+def test_a_command_calls_functions_in_the_listed_files(tmp_path):
     line = re.search(r"```sh\naosplan (.*)\n```", PAGE)[1]
     trip = re.findall(r"^\| \d+ \| `([\w/.]+)`", PAGE, re.MULTILINE)
     done = subprocess.run(

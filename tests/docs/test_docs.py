@@ -105,7 +105,7 @@ def test_every_field_of_a_document_says_what_it_means(name):
             assert about.get("description"), (table["title"], field)
 
 
-def test_every_meaning_is_of_a_field_that_exists():
+def test_every_field_description_belongs_to_an_existing_field():
     fields = set()
     for name in DOCUMENTS:
         schema = json_schema(name)
@@ -119,7 +119,7 @@ def test_every_format_is_in_the_table_of_formats():
     assert set(re.findall(r"^\| `([\w-]+)`", presets.formats(), re.MULTILINE)) == set(formats())
 
 
-def test_every_picture_says_in_words_what_it_shows():
+def test_every_picture_has_an_alternative_text():
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         assert not re.search(r"!\[\]\(", text), page
@@ -209,7 +209,7 @@ def test_an_output_that_differs_is_found(tmp_path):
     assert shown(page.format("...\naosplan"), tmp_path) == [False]
 
 
-def test_dots_stand_for_any_lines():
+def test_an_ellipsis_matches_any_lines():
     assert examples.same("a\n...\nd\n", "a\nb\nc\nd\n")
     assert examples.same("a\n...\nd\n", "a\nd\n")
     assert not examples.same("a\n...\nd\n", "a\nb\n")

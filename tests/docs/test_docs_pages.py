@@ -52,7 +52,7 @@ def test_pages_load_nothing_from_elsewhere_and_fit_their_width(opened):
 
 
 @pytest.mark.parametrize("opened", ["light"], indirect=True)  # every layout has the same links
-def test_links_lead_somewhere(opened):
+def test_every_link_has_a_target(opened):
     page, _ = opened
     anchors = {}
     links = []
@@ -73,7 +73,7 @@ def test_links_lead_somewhere(opened):
             assert not anchor or known is None or anchor in known, (name, link)
 
 
-def test_axe_finds_nothing_serious(opened):
+def test_axe_reports_no_serious_accessibility_problems(opened):
     page, _ = opened
     for path in PAGES:
         page.goto(path.as_uri())

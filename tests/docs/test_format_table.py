@@ -25,7 +25,7 @@ def rows():
     return {line[0]: dict(zip(header[1:], line[1:], strict=True)) for line in lines}
 
 
-def test_it_has_every_drone(rows):
+def test_the_table_of_formats_has_every_drone(rows):
     assert list(rows) == list(DRONES)
 
 

@@ -70,7 +70,7 @@ def test_a_photo_shows_the_ground_where_rays_reach_it(beneath, site):
     assert camera.hidden == [pytest.approx(1.0 - seen.mean())]
 
 
-def test_what_is_beneath_is_seen_where_nothing_stands(beneath):
+def test_the_ground_is_visible_if_no_voxel_is_above_it(beneath):
     forest = clumped_forest(generator(1), 0.0, 0.25, 2.0, 12.0, (16.0, 14.0))
     camera = beneath.Camera(forest, (20, 30))
     ground = np.random.default_rng(1).random((20, 30, 3))

@@ -97,7 +97,7 @@ def home_of(result):
 
 @settings(max_examples=60)
 @given(values=requests)
-def test_no_flight_has_room_for_the_next_site(values):
+def test_each_flight_is_too_full_for_the_next_site(values):
     try:
         split = planned(values)
     except InfeasibleError:
@@ -126,7 +126,7 @@ def test_no_flight_has_room_for_the_next_site(values):
         assert longer.time_s > 60.0 * values["flight_time"]
 
 
-def test_the_way_from_the_takeoff_and_back_by_hand():
+def test_transit_times_agree_with_a_calculation_by_hand():
     # 30 m up, 40 m there, one photo, and back: 40 m take 10.5 s at 5 m/s and 2 m/s², and 30 m take
     # 11.5 s at 3 m/s.
     track = Track([0.0], [40.0], [30.0], [True])
@@ -135,7 +135,7 @@ def test_the_way_from_the_takeoff_and_back_by_hand():
     assert flight.length_m == pytest.approx(140.0)
 
 
-def test_wind_matters_on_the_way_there_and_not_on_the_way_back():
+def test_headwind_slows_the_transit_and_tailwind_does_not_speed_it_up():
     track = Track([0.0], [400.0], [30.0], [True])
     timing, home = Timing(5.0, 2.0, 0.0, 3.0), TakeoffPoint(0.0, 0.0, 0.0)
     (calm,) = flights_of(track, timing, home)
@@ -144,7 +144,7 @@ def test_wind_matters_on_the_way_there_and_not_on_the_way_back():
     assert windy.time_s - calm.time_s == pytest.approx((200.0 + 1.0) - (80.0 + 2.5))
 
 
-def test_a_site_out_of_reach_says_how_long_it_takes():
+def test_the_error_for_an_unreachable_site_gives_its_flight_time():
     with pytest.raises(
         InfeasibleError, match=r"at waypoint 49\) and back takes 0\.[0-9]+ min"
     ) as caught:

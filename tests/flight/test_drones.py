@@ -14,7 +14,7 @@ from aosplan.planning.request import PlanRequest
 
 
 @pytest.mark.parametrize("name", DRONES)
-def test_every_drone_is_whole_and_says_where_its_numbers_are_from(name):
+def test_every_drone_preset_is_complete_and_has_a_source(name):
     drone = DRONES[name]
     assert drone.title
     assert drone.source
@@ -29,7 +29,7 @@ def test_every_drone_is_whole_and_says_where_its_numbers_are_from(name):
 
 
 @pytest.mark.parametrize("name", DRONES)
-def test_a_drone_brings_its_camera_and_speeds_and_flags_win(name):
+def test_a_drone_sets_camera_and_speeds_unless_flags_override_them(name):
     drone = DRONES[name]
     request = PlanRequest(
         altitude=40, drone=name, camera=None if drone.camera else "flir-vue-pro-640-9mm"
@@ -60,7 +60,7 @@ def test_every_drone_that_flies_dji_files_is_listed():
     assert set(dji.DRONES) <= set(DRONES)
 
 
-def test_a_drone_flies_no_faster_than_it_can():
+def test_the_speed_is_limited_to_the_top_speed_of_the_drone():
     result = plan(PlanRequest(altitude=40, drone="dji-mini-3-pro", speed=14))
     assert result.settings.speed_mps == 10.0
     (limit,) = [limit for limit in result.limits if limit.quantity == "speed_mps"]

@@ -52,7 +52,7 @@ def integrated(bounds, acceleration, stops, step=2e-3):
 
 @settings(max_examples=60)
 @given(length=st.floats(0.1, 60.0), speed=speeds, acceleration=accelerations)
-def test_stop_to_stop_is_the_fastest_motion_within_the_bounds(length, speed, acceleration):
+def test_stop_to_stop_times_equal_an_integration_of_the_fastest_motion(length, speed, acceleration):
     cells = 4000
     times = integrated([speed] * cells, acceleration, {cells}, length / cells)
     time = stop_to_stop_s(length, speed, acceleration)
@@ -98,7 +98,7 @@ def bound(start, stop, timing):
 
 
 @pytest.mark.parametrize("climb", [0.7, 3.0])
-def test_a_track_with_stops_takes_what_its_motion_takes(climb):
+def test_the_time_of_a_track_with_stops_equals_an_integration(climb):
     timing = Timing(speed_mps=4.0, acceleration_mps2=1.5, hold_s=0.0, climb_mps=climb)
     times = track_of(SLOPED).times_s(timing)
     true = motion(SLOPED, timing, lambda a, b: bound(a, b, timing), range(len(SLOPED)))
@@ -109,7 +109,7 @@ def test_a_track_with_stops_takes_what_its_motion_takes(climb):
 
 @pytest.mark.parametrize("speed", [1.0, 3.0, 7.0])
 @pytest.mark.parametrize("grid", ["trimmed", "lanes", "line"])
-def test_flying_through_takes_what_its_motion_takes(speed, grid):
+def test_the_time_of_lines_without_stops_equals_an_integration(speed, grid):
     timing = Timing(speed, 2.0, 0.0, fly_through=True)
     pattern = pattern_for(grid, 20)
     east = [2.8 * column for _, column in pattern.sites()]
@@ -126,7 +126,7 @@ def test_flying_through_takes_what_its_motion_takes(speed, grid):
 
 
 @pytest.mark.parametrize("speed", [1.0, 3.0, 7.0])
-def test_photos_in_passing_are_taken_at_steady_speed(speed):
+def test_photos_while_flying_are_taken_at_constant_speed(speed):
     timing = Timing(speed, 2.0, 0.0, fly_through=True)
     sites = with_turns(
         all_photos([0.0] * 8, [3.0 * k for k in range(8)]),
@@ -153,7 +153,7 @@ def test_a_steep_line_is_flown_as_slowly_as_its_steepest_leg_allows():
 
 
 @given(speed=st.floats(0.1, 14.0), start=st.floats(0, 360), course=st.floats(0, 360))
-def test_wind_leaves_the_airspeed_it_leaves(speed, start, course):
+def test_the_ground_speed_in_wind_keeps_the_airspeed_limit(speed, start, course):
     timing = Timing(1e3, wind=wind_mps(speed, start), airspeed_mps=15.0)
     u = math.cos(math.radians(course)), math.sin(math.radians(course))
     ground = timing.ground_speed_mps(*u)
@@ -207,7 +207,7 @@ def flown_track(pattern, baseline, timing):
     least=st.sampled_from([0.0, 1.0]),
     wind=st.sampled_from([(0.0, 0.0), (0.0, 9.0), (-7.0, 3.0), (8.5, 0.0)]),
 )
-def test_a_path_is_what_its_waypoints_are(
+def test_a_path_of_a_pattern_equals_the_track_of_its_waypoints(
     grid, samples, baseline, speed, through, interval, least, wind
 ):
     pattern = pattern_for(grid, samples)
@@ -242,7 +242,9 @@ def test_a_path_is_what_its_waypoints_are(
     through=st.booleans(),
     interval=st.sampled_from([0.0, 1.0]),
 )
-def test_no_path_beats_the_shortest(grid, samples, baseline, speed, through, interval):
+def test_no_pattern_is_flown_faster_than_the_shortest_path(
+    grid, samples, baseline, speed, through, interval
+):
     timing = Timing(speed, 2.0, 0.0 if through else 1.0, fly_through=through, interval_s=interval)
     pattern = pattern_for(grid, samples)
     bound_s = Path.shortest(pattern.samples, timing).time_s(baseline, timing)
@@ -261,7 +263,7 @@ def test_no_path_beats_the_shortest(grid, samples, baseline, speed, through, int
     ],
     ids=["through", "camera", "slow camera", "wind", "through wind"],
 )
-def test_the_least_time_is_the_least_of_all_counts(grid, timing):
+def test_the_lowest_time_is_the_minimum_over_all_sample_counts(grid, timing):
     model = UniformModel(0.5, 0.5, 4.0)
     problem = Problem(
         model,
@@ -283,7 +285,7 @@ def test_the_least_time_is_the_least_of_all_counts(grid, timing):
 
 
 @given(grid=st.sampled_from(LATTICES), samples=st.integers(1, 120))
-def test_lines_take_every_site_once_and_meet_each_at_the_spacing(grid, samples):
+def test_lines_contain_each_site_once_at_multiples_of_the_spacing(grid, samples):
     pattern = pattern_for(grid, samples)
     sites = [(2.0 * c, 2.0 * r * pattern.row_pitch) for r, c in pattern.sites()]
     places = []
@@ -296,12 +298,12 @@ def test_lines_take_every_site_once_and_meet_each_at_the_spacing(grid, samples):
     assert places == list(range(len(sites)))
 
 
-def test_a_gap_of_whole_spacings_stays_in_the_line_and_another_does_not():
+def test_a_gap_of_whole_spacings_does_not_split_a_line_and_others_do():
     sites = [(0.0, 0.0), (2.0, 0.0), (8.0, 0.0), (10.0, 0.0), (13.0, 0.0)]
     assert [line[:2] for line in lines_of(sites, 2.0)] == [(0, 3), (4, 4)]
 
 
-def test_the_camera_bounds_the_speed_by_the_baseline():
+def test_the_photo_interval_limits_the_speed_by_the_baseline():
     timing = Timing(5.0, 2.0, 0.0, fly_through=True, interval_s=2.0)
     assert timing.at(4.0).speed_mps == 2.0
     assert timing.at(40.0).speed_mps == 5.0
@@ -309,7 +311,7 @@ def test_the_camera_bounds_the_speed_by_the_baseline():
 
 
 @given(distance=st.floats(0, 1), length=st.floats(0, 1e4), speed=speeds, acceleration=accelerations)
-def test_passing_times_rise_and_mirror(distance, length, speed, acceleration):
+def test_passing_times_increase_and_are_symmetric_in_time(distance, length, speed, acceleration):
     assume(length > 1e-6)
     at = distance * length
     there = passing_s(at, length, speed, acceleration)

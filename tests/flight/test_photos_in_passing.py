@@ -44,7 +44,7 @@ def ruling(result):
         ({"wind_speed": 13, "wind_from": 0, "heading": 90}, 5.0, "at the requested speed"),
     ],
 )
-def test_the_bound_that_rules_is_named(values, speed, word):
+def test_the_limit_that_determines_the_speed_is_named(values, speed, word):
     result = passing(**values)
     assert result.settings.speed_mps == pytest.approx(speed, rel=1e-9)
     assert ruling(result).value == ruling(result).bound == pytest.approx(speed, rel=1e-9)
@@ -74,7 +74,7 @@ def test_no_photo_is_blurred_or_missed(exposure, blur, interval, wanted):
 
 @pytest.mark.parametrize("heading", [0.0, 57.0, 300.0])
 @pytest.mark.parametrize("grid", LATTICES)
-def test_photos_are_the_sites_and_turns_lie_outside_on_the_line(grid, heading):
+def test_photos_are_taken_at_sites_and_turns_are_beyond_the_line_ends(grid, heading):
     # With this number of photos, the line is longer than the footprint.
     asked = {"grid": grid, "heading": heading, "allow_no_common_ground": grid == "line"}
     stopping = plan(PlanRequest(altitude=40, **asked))
@@ -96,7 +96,7 @@ def test_photos_are_the_sites_and_turns_lie_outside_on_the_line(grid, heading):
     assert not ways[-1].photo
 
 
-def test_a_trigger_by_distance_meets_every_site_of_a_line():
+def test_a_distance_trigger_takes_a_photo_at_every_site():
     result = passing(heading=57.0)
     spacing, ways = result.settings.spacing_m, list(result.waypoints)
     for one, other in pairwise(ways):
@@ -113,7 +113,7 @@ def test_one_site_alone_is_flown_through_along_the_heading():
     assert sites.photo == [False, True, False]
 
 
-def test_in_passing_nothing_is_held_and_yaw_and_gimbal_are_fixed():
+def test_without_stops_there_are_no_holds_and_yaw_and_gimbal_are_fixed():
     settings = passing(heading=-30, hold=3).mission().settings
     assert settings.hold_s == 0.0
     assert settings.yaw_deg == 330.0
@@ -121,14 +121,14 @@ def test_in_passing_nothing_is_held_and_yaw_and_gimbal_are_fixed():
     assert settings.trigger == "distance"
 
 
-def test_stopping_says_nothing_of_blur():
+def test_motion_blur_does_not_limit_flights_with_stops():
     result = plan(PlanRequest(altitude=40))
     assert not [limit for limit in result.limits if limit.quantity == "speed_mps"]
     assert result.settings.spacing_m == 0.0
     assert result.waypoints.photo is None
 
 
-def test_flying_through_saves_time_where_the_camera_is_quick():
+def test_flying_without_stops_saves_time_with_a_fast_camera():
     assert passing().route.time_s < 0.5 * plan(PlanRequest(altitude=40)).route.time_s
 
 
@@ -150,7 +150,7 @@ def test_a_spiral_has_no_lines_to_fly_through():
     assert "spiral" not in best.solution.limits[-1].message
 
 
-def test_what_is_asked_for_drops_the_spiral_or_the_trigger_below_it():
+def test_a_requested_option_removes_a_conflicting_spiral_or_trigger_of_a_lower_layer():
     spiral = {"altitude": 40, "grid": "spiral", "lane_pitch": 5}
     assert request_from(spiral, overrides={"trigger": "distance"}).grid == "trimmed"
     passing_by = {"altitude": 40, "trigger": "distance", "max_blur": 2}

@@ -43,7 +43,7 @@ def hilly(folder):
 
 @settings(max_examples=40)
 @given(x=st.floats(-199.4, 199.4), y=st.floats(-199.4, 199.4))
-def test_between_pixels_a_plane_is_met_exactly(sloped, x, y):
+def test_interpolation_of_a_plane_is_exact_between_pixels(sloped, x, y):
     lon, lat = UTM.transform(EAST + x, NORTH + y, direction="INVERSE")
     with Terrain(sloped) as terrain:
         assert terrain.heights_m([lat], [lon])[0] == pytest.approx(slope(x, y), abs=1e-3)
@@ -60,7 +60,7 @@ def test_heights_are_bilinear_between_four_pixels(folder):
                 assert terrain.heights_m([lat], [lon])[0] == pytest.approx(true, abs=1e-5)
 
 
-def test_degrees_and_metres_and_turned_rasters_say_the_same(folder, sloped):
+def test_rasters_in_degrees_in_metres_and_rotated_give_the_same_heights(folder, sloped):
     # The same plane is in a raster in degrees, and in a raster that is rotated by 30 degrees.
     step, size = 1e-5, 500
     lon = LINZ[1] + (np.arange(size) - 0.5 * (size - 1)) * step
@@ -90,13 +90,13 @@ def test_degrees_and_metres_and_turned_rasters_say_the_same(folder, sloped):
 
 
 @pytest.mark.parametrize(("unit", "metres"), [("ft", 0.3048), ("US survey foot", 1200 / 3937)])
-def test_heights_in_feet_are_metres_in_the_end(folder, unit, metres):
+def test_heights_in_feet_are_converted_to_metres(folder, unit, metres):
     path = saved(folder / "feet.tif", surface(slope), unit=unit)
     with Terrain(path) as terrain:
         assert terrain.heights_m([LINZ[0]], [LINZ[1]])[0] == pytest.approx(300 * metres, abs=1e-3)
 
 
-def test_scaled_whole_numbers_are_heights(folder):
+def test_scaled_integers_are_converted_to_heights(folder):
     heights = np.round((surface(slope) - 100.0) * 10.0).astype(np.int16)
     path = saved(folder / "scaled.tif", heights, nodata=-32768)
     with rasterio.open(path, "r+") as raster:
@@ -131,7 +131,7 @@ def test_a_raster_with_a_vertical_datum_names_it(folder):
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="no /proc")
-def test_a_huge_raster_is_read_only_where_it_is_needed(folder):
+def test_only_the_needed_part_of_a_huge_raster_is_read(folder):
     # 60,000 x 60,000 heights would need 14 GB; only tiles that are written are stored.
     path, size = str(folder / "huge.tif"), 60_000
     west, top = EAST - 0.5 * size, NORTH + 0.5 * size
@@ -202,7 +202,7 @@ def test_every_waypoint_keeps_its_height_above_the_ground(hilly, trigger):
     trigger=st.sampled_from(["stop", "distance"]),
     heading=st.floats(0.0, 360.0),
 )
-def test_between_waypoints_the_way_stays_within_the_tolerance(
+def test_the_path_between_waypoints_keeps_the_height_within_the_tolerance(
     hilly, baseline, tolerance, trigger, heading
 ):
     result = planned(
@@ -233,7 +233,7 @@ def test_between_waypoints_the_way_stays_within_the_tolerance(
     ]
 
 
-def test_a_tolerance_adds_waypoints_only_where_the_way_is_too_low(hilly):
+def test_waypoints_are_added_only_where_the_path_is_too_low(hilly):
     counts = [
         len(planned(terrain=hilly, baseline=25, samples=16, terrain_tolerance=t).waypoints)
         for t in (0.2, 2.0, 8.0, 100.0)
@@ -242,14 +242,14 @@ def test_a_tolerance_adds_waypoints_only_where_the_way_is_too_low(hilly):
     assert counts[0] > counts[-1] == 16
 
 
-def test_the_clearance_bounds_the_tolerance(hilly):
+def test_the_tolerance_is_limited_by_the_clearance(hilly):
     # At 22.5 m, half a metre remains above 20.04 m of canopy and 2 m of clearance.
     low = planned(altitude=22.5, terrain=hilly, baseline=25, samples=16, terrain_tolerance=50)
     nearest = low.document()["height"]["nearest_m"]
     assert nearest >= low.scene.canopy_top_m + 2.0
 
 
-def test_climbs_take_their_time(sloped):
+def test_climbs_increase_the_flight_time(sloped):
     # The slope is 10 % to the north and 20 % to the east.
     flat = planned(baseline=20, samples=16, grid="line", heading=90)
     steep = planned(baseline=20, samples=16, grid="line", heading=90, terrain=sloped)
@@ -264,7 +264,7 @@ def test_climbs_take_their_time(sloped):
     assert slow.route.time_s == pytest.approx(15 * (rise / 0.5 + speed / 2.0) + 16, rel=1e-4)
 
 
-def test_the_takeoff_lies_where_it_is(sloped):
+def test_the_height_of_a_given_takeoff_is_read_from_the_terrain(sloped):
     east, north = 120.0, -60.0
     (lat,), (lon,) = to_wgs84(LINZ, [east], [north])
     result = planned(terrain=sloped, takeoff=(lat, lon))
@@ -312,7 +312,7 @@ def test_the_drone_climbs_above_a_hill_on_its_way_from_the_takeoff(folder):
     assert lowest == pytest.approx([300, 300, 300], abs=0.2)
 
 
-def test_a_way_high_above_a_valley_is_warned_of(folder):
+def test_a_path_high_above_a_valley_gives_a_warning(folder):
     ridge = surface(lambda x, y: 300.0 + 110.0 * np.exp(-(((x - 100.0) / 10.0) ** 2)) + 0.0 * y)
     path = saved(folder / "high.tif", ridge)
     (lat,), (lon,) = to_wgs84(LINZ, [170.0], [0.0])
@@ -320,7 +320,7 @@ def test_a_way_high_above_a_valley_is_warned_of(folder):
     assert "transit_above_120_m" in codes
 
 
-def test_valleys_count_for_the_120_metres(folder):
+def test_heights_above_valleys_are_compared_with_120_metres(folder):
     valley = surface(lambda x, y: 300.0 - 60.0 * (abs(y) < 20.0) + 0.0 * x)
     path = saved(folder / "valley.tif", valley)
     flat = planned(altitude=100, baseline=60, samples=4)
@@ -335,7 +335,7 @@ def test_valleys_count_for_the_120_metres(folder):
     heights=st.lists(st.floats(-50.0, 50.0), min_size=2, max_size=40),
     tolerance=st.floats(0.0, 20.0),
 )
-def test_knots_of_a_profile_leave_no_hump(heights, tolerance):
+def test_no_ground_is_above_the_path_by_more_than_the_tolerance(heights, tolerance):
     profile, along = np.array(heights), np.linspace(0.0, 1.0, len(heights))
     knots = raised(along, profile, tolerance)
     assert knots[0] == 0
@@ -359,7 +359,7 @@ def test_options_of_terrain_have_their_effect(folder, hilly, capsys, value, hold
     assert "terrain file" in document["height"]["ground"]
 
 
-def test_the_table_says_what_heights_are_above(hilly, capsys):
+def test_the_table_names_the_reference_of_heights(hilly, capsys):
     line = ["plan", "--altitude", "40", "--origin", "48.3358,14.3261", "--terrain", hilly]
     assert run(line) == 0
     text = " ".join(capsys.readouterr().out.split())
@@ -375,7 +375,7 @@ def test_terrain_is_looked_for_beside_the_request(folder, hilly, capsys):
     assert "ground_m" in json.loads(capsys.readouterr().out)["waypoints"][0]
 
 
-def test_without_the_extra_it_says_which_one(monkeypatch, hilly, capsys):
+def test_without_the_extra_the_error_names_it(monkeypatch, hilly, capsys):
     monkeypatch.setitem(sys.modules, "rasterio", None)
     line = ["plan", "--altitude", "40", "--origin", "48.3358,14.3261", "--terrain", hilly]
     assert run(line) == 2

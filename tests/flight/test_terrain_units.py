@@ -37,13 +37,13 @@ def in_state_plane(path, heights, crs="EPSG:2227", unit=""):
         ("EPSG:2227", "", "m", 1.0),
     ],
 )
-def test_one_ground_is_the_same_in_every_unit(tmp_path, crs, unit, given, metres):
+def test_rasters_in_different_units_give_the_same_heights(tmp_path, crs, unit, given, metres):
     heights = np.full((100, 100), 498.0 / metres, dtype=np.float64)
     path = in_state_plane(tmp_path / "feet.tif", heights, crs, unit)
     assert at(path, given, PLACE) == pytest.approx(498.0, abs=1e-6)
 
 
-def test_heights_without_a_unit_beside_feet_are_asked_for(tmp_path):
+def test_heights_without_a_unit_are_refused_if_x_and_y_are_in_feet(tmp_path):
     path = in_state_plane(tmp_path / "feet.tif", np.full((100, 100), 1633.9))
     with pytest.raises(RequestError, match="does not state the unit of its heights") as caught:
         planned(origin=PLACE, terrain=path)
@@ -59,7 +59,7 @@ def test_depths_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("value", [-9999.0, -32768.0, -3.4e38, 3.4e38, 65535.0])
-def test_values_without_data_are_no_ground_tagged_or_not(tmp_path, value):
+def test_missing_values_are_not_heights_whether_tagged_or_not(tmp_path, value):
     heights = surface(slope)
     heights[100:300, 100:300] = value
     with pytest.raises(RequestError, match="has no height at"):

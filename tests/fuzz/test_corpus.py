@@ -26,7 +26,7 @@ def test_every_file_of_the_corpus_has_a_command():
 
 
 @pytest.mark.parametrize(("file", "name", "line"), CASES, ids=[case[0] for case in CASES])
-def test_a_damaged_file_is_one_error_line(folder, command, file, name, line):
+def test_a_damaged_file_gives_one_error_line(folder, command, file, name, line):
     for needed in {NEEDS.get(name.rpartition(".")[2]), "PIL" if "integrate" in line else None} - {
         None
     }:

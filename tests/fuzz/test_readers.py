@@ -122,7 +122,7 @@ def run_on(folder, seed, content, tmp_path):
 
 
 @pytest.mark.fuzz
-def test_good_files_are_read(good, tmp_path):
+def test_valid_files_are_read(good, tmp_path):
     folder, found = good
     for index, seed in enumerate(found):
         wrong = run_on(folder, seed, seed.content, tmp_path / str(index))
@@ -131,7 +131,7 @@ def test_good_files_are_read(good, tmp_path):
 
 @pytest.mark.fuzz
 @pytest.mark.parametrize("index", range(31))
-def test_mutated_files(good, tmp_path, index):
+def test_mutated_files_give_a_result_or_one_error_line(good, tmp_path, index):
     folder, found = good
     assert len(found) == 31
     seed = found[index]

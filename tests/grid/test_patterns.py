@@ -101,7 +101,7 @@ def test_the_centroid_lies_within_a_third_of_a_pitch_of_the_centre():
         assert math.hypot(row, column) <= 1 / 3 + 1e-12, samples
 
 
-def test_all_but_an_odd_last_site_are_removed_as_mirrored_pairs():
+def test_sites_are_removed_in_mirrored_pairs_except_an_odd_last_one():
     for samples in range(1, MOST + 1):
         pattern = pattern_for("trimmed", samples)
         mirrored = {
@@ -113,7 +113,7 @@ def test_all_but_an_odd_last_site_are_removed_as_mirrored_pairs():
 
 
 @given(samples=st.integers(1, 3_000_000))
-def test_large_trimmed_grids_have_exactly_the_samples_asked_for(samples):
+def test_large_trimmed_grids_have_exactly_the_requested_samples(samples):
     pattern = pattern_for("trimmed", samples)
     assert pattern.samples == samples
     assert (pattern.rows, pattern.columns) == rectangle_for_large(samples)
@@ -177,7 +177,7 @@ def test_more_sites_than_memory_holds_are_refused_with_a_hint():
 
 
 @pytest.mark.parametrize("grid", GRIDS)
-def test_frames_take_rising_counts(grid):
+def test_frames_have_increasing_sample_counts(grid):
     some = list(itertools.islice(frames(grid), 60))
     assert some[0].fewest == (3 if grid == "lanes" else 1)
     for before, after in itertools.pairwise(some):
@@ -186,7 +186,7 @@ def test_frames_take_rising_counts(grid):
     assert some == [frame_at(grid, index) for index in range(1, 61)]
 
 
-def test_frames_of_the_trimmed_grid_leave_no_count_out():
+def test_frames_of_the_trimmed_grid_contain_every_count():
     counts = [
         samples
         for frame in itertools.islice(frames("trimmed"), 60)
@@ -253,7 +253,7 @@ def test_every_frame_lowers_the_shortfall_of_the_one_before(grid, row_pitch):
             assert after <= before * (1.0 + ROUNDING), dhat
 
 
-def test_slices_of_many_sizes_keep_both_orders():
+def test_both_orders_hold_for_slices_of_many_sizes():
     layers = (
         Layer(0.5, 1.5, 0.9, 0.05),
         Layer(2.0, 4.0, 0.05, 2.0),
@@ -279,7 +279,7 @@ def test_slices_of_many_sizes_keep_both_orders():
 
 
 @pytest.mark.parametrize("grid", LATTICES)
-def test_sites_are_flown_line_by_line_every_other_one_back(grid):
+def test_sites_are_flown_in_lines_of_alternating_direction(grid):
     for samples in range(1, 200):
         pattern = pattern_for(grid, samples)
         sites = list(pattern.sites())
@@ -290,7 +290,7 @@ def test_sites_are_flown_line_by_line_every_other_one_back(grid):
             assert columns == sorted(columns, reverse=row % 2 == 1)
 
 
-def test_a_known_flight():
+def test_the_flight_order_of_a_small_grid():
     assert list(Frame(3, 3, 1.0, 7, 9).pattern(7).sites()) == [
         *[(0, 1), (0, 2)],
         *[(1, 2), (1, 1), (1, 0)],
@@ -298,7 +298,7 @@ def test_a_known_flight():
     ]
 
 
-def test_turning_costs_no_detour_in_a_whole_grid():
+def test_the_path_of_a_complete_grid_has_no_detours():
     path = path_of(Pattern(4, 6))
     assert path.legs == ((Leg(1.0), 23),)
     assert path.length_m(2.5) == 57.5

@@ -29,7 +29,7 @@ every = pytest.mark.parametrize(
 
 
 @every
-def test_each_site_lies_a_baseline_from_the_one_before(spiral):
+def test_consecutive_sites_of_a_spiral_are_one_baseline_apart(spiral):
     sites = list(spiral.offsets())
     assert len(set(sites)) == len(sites) == spiral.samples
     for here, there in itertools.pairwise(sites):
@@ -69,7 +69,7 @@ def test_a_spiral_is_point_symmetric_about_the_middle_of_its_extent(spiral):
 
 
 @every
-def test_the_nearest_two_sites_are_as_far_apart_as_it_says(spiral):
+def test_nearest_is_the_smallest_distance_of_two_sites(spiral):
     least = min(
         (max(map(abs, np.subtract(a, b))) for a, b in itertools.combinations(spiral.offsets(), 2)),
         default=1.0,
@@ -77,7 +77,7 @@ def test_the_nearest_two_sites_are_as_far_apart_as_it_says(spiral):
     assert spiral.nearest == pytest.approx(min(least, 1.0), rel=1e-12)
 
 
-def test_longer_spirals_go_on_where_shorter_ones_end():
+def test_longer_spirals_contain_the_sites_of_shorter_ones():
     for samples in range(1, 40):
         shorter, longer = list(Spiral(samples).offsets()), list(Spiral(samples + 2).offsets())
         assert longer[1:-1] == shorter
@@ -94,7 +94,7 @@ def test_the_uniform_model_is_exact_for_a_spiral(samples):
             assert pattern_shortfall(spiral, dhat) == pytest.approx(scattered, rel=1e-11)
 
 
-def test_from_the_independent_baseline_on_the_samples_are_independent():
+def test_samples_of_a_spiral_are_independent_from_the_independent_baseline_on():
     model = UniformModel(0.5, 0.5, 3.5)
     slices = LayeredModel([Layer(2, 3, 0.1, 0.3), Layer(9, 10, 0.2, 0.4)], 40.0)
     for spiral in (Spiral(50), Spiral(51, 2.0), Spiral(200, 1.0)):
@@ -131,7 +131,7 @@ def test_slices_multiply_over_every_pair_of_sites():
     assert model.predict(spiral, baseline).shortfall == pytest.approx(expected, rel=1e-10)
 
 
-def test_the_measured_model_takes_the_sites_that_are_flown():
+def test_the_measured_model_uses_the_sites_of_a_spiral_that_are_flown():
     volume = clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5)
     model = MeasuredModel(volume, 40.0, heading_deg=33.0)
     surrogate = CorrelogramModel(correlogram(volume), 40.0, heading_deg=33.0)
@@ -143,7 +143,7 @@ def test_the_measured_model_takes_the_sites_that_are_flown():
         )
 
 
-def test_the_picture_has_a_place_for_every_site():
+def test_the_drawing_of_a_spiral_shows_every_site():
     for pitch in (1.5, 2.0, 4.0):
         for samples in (2, 3, 20, 51):
             lines = grid_picture(Spiral(samples, pitch))[:-2]

@@ -64,7 +64,7 @@ def test_photos_are_counted_cell_by_cell(tmp_path, square):
 
 
 @pytest.mark.parametrize("noise_m", [0.0, 0.4])
-def test_gaps_are_where_photos_were_left_out_and_the_top_up_closes_them(tmp_path, square, noise_m):
+def test_gaps_are_at_missing_photos_and_the_top_up_closes_them(tmp_path, square, noise_m):
     request = PlanRequest(altitude=40, baseline=5.0, samples=12, heading=25.0, area=square)
     planned = plan(request)
     ways = planned.waypoints
@@ -125,7 +125,7 @@ def test_a_search_is_topped_up_until_its_detection_is_as_planned(tmp_path, squar
     assert near.max() < 16.0 + np.hypot(*planned.inputs.footprint_m) / 2
 
 
-def test_nothing_remains_of_a_whole_flight(tmp_path, square):
+def test_a_complete_flight_has_no_gaps(tmp_path, square):
     request = PlanRequest(altitude=40, baseline=5.0, samples=12, heading=25.0, area=square)
     planned = plan(request)
     path, _ = flown(tmp_path / "f.csv", planned, np.ones(len(planned.waypoints), bool), 0.4)
@@ -191,7 +191,7 @@ def test_the_command_writes_the_map_the_gaps_and_a_picture(tmp_path, square, mon
         ("--area=SQUARE", "missing/c.tif", "missing"),
     ],
 )
-def test_what_makes_no_map_is_one_error(
+def test_impossible_coverage_maps_give_one_error(
     tmp_path, square, monkeypatch, capsys, place, name, message
 ):
     monkeypatch.chdir(tmp_path)

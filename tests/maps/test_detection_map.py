@@ -56,7 +56,7 @@ def seen_from(planned, east, north):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise_m", [0.0, pytest.param(0.7, marks=pytest.mark.slow)])
-def test_places_are_seen_by_the_photos_whose_footprint_holds_them(noise_m):
+def test_places_are_seen_by_the_photos_whose_footprint_contains_them(noise_m):
     planned = plan(PlanRequest(**SPARSE, area=FIELD))
     rng = np.random.default_rng(4)
     cells, _ = ground_of(planned)
@@ -83,7 +83,7 @@ def test_places_are_seen_by_the_photos_whose_footprint_holds_them(noise_m):
     assert 0.3 < found[inside].mean() < 0.99  # The probabilities are neither all 0 nor all 1.
 
 
-def test_the_mean_is_that_of_the_places_and_the_area_that_of_the_outline(over_field):
+def test_the_mean_is_over_the_places_and_the_size_is_that_of_the_outline(over_field):
     planned, found = over_field
     document = found.document()
     inside = found.cells.inside.ravel()
@@ -97,7 +97,7 @@ def test_the_mean_is_that_of_the_places_and_the_area_that_of_the_outline(over_fi
     assert document["canopy"] == "scene"
 
 
-def test_one_grid_is_mapped_over_all_that_its_photos_show():
+def test_the_map_of_one_grid_covers_all_ground_in_its_photos():
     planned = plan(PlanRequest(**SPARSE, origin=(48.3, 14.3)))
     found = detection_map(planned)
     x, y = planned.camera.footprint_m(40.0)
@@ -136,7 +136,7 @@ def test_the_sweep_width_of_a_line_is_the_swath_times_the_probability():
 
 
 @pytest.mark.slow
-def test_a_denser_canopy_hides_more_and_the_middle_of_the_stand_is_where_it_is():
+def test_a_denser_canopy_reduces_detection_at_the_correct_place():
     stand = clumped_forest(next(iter(STANDS.values())))
     middle = (48.3, 14.3)
     # The western half is open, but not the eastern one.
@@ -183,7 +183,7 @@ def prior_of(path, found, values, **profile):
     return str(path)
 
 
-def test_success_is_detection_times_the_prior_that_is_there(tmp_path, over_field):
+def test_success_is_the_sum_of_detection_times_prior(tmp_path, over_field):
     _, found = over_field
     # The prior has ten by ten pixels of 100 m around the area. It is uniform, so that the
     # probability of the area is its share of the pixels' area.
@@ -259,7 +259,7 @@ def test_the_command_writes_a_map_that_lies_over_the_area(tmp_path, monkeypatch,
         ),
     ],
 )
-def test_what_makes_no_map_is_one_error_and_no_file(
+def test_impossible_detection_maps_give_one_error_and_no_file(
     tmp_path, monkeypatch, capsys, arguments, message
 ):
     monkeypatch.chdir(tmp_path)
@@ -272,7 +272,7 @@ def test_what_makes_no_map_is_one_error_and_no_file(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_signature_alone_goes_with_a_map(tmp_path, monkeypatch, capsys):
+def test_a_map_with_only_a_signature_searches_for_a_person(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     arguments = ["--samples", "4", "--baseline", "3", "--origin", "48,14", "--signature", "colour"]
     assert run(["plan", "--altitude", "40", *arguments, "--detection-map", "p.tif"]) == 0
@@ -280,7 +280,7 @@ def test_a_signature_alone_goes_with_a_map(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-def test_below_voxels_the_planned_grid_finds_what_was_counted(tmp_path):
+def test_the_map_over_voxels_has_the_counted_detection_for_the_planned_grid(tmp_path):
     from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
 
     stand = clumped_forest(STANDS["beech"])

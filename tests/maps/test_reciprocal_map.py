@@ -26,7 +26,7 @@ def found():
 
 
 @pytest.mark.slow
-def test_shares_are_those_of_rays_through_the_leaves(found):
+def test_map_shares_equal_rays_through_known_leaves(found):
     with rasterio.io.MemoryFile(found.geotiff()) as memory, memory.open() as file:
         band = file.read(1)
         rows, columns = np.nonzero(np.isfinite(band))

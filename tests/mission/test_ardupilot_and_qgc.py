@@ -94,7 +94,7 @@ def test_px4_reaches_each_site_with_its_nose_along_the_heading():
             assert item["params"][1:4] == [0.5, 0.0, 330.0]
 
 
-def test_ardupilot_is_told_its_heading_before_each_site():
+def test_ardupilot_files_set_the_yaw_before_each_site():
     rows = commands_of(written(grid(heading_deg=-30.0), "waypoints").decode())
     sites = [place for place, row in enumerate(rows) if row[3] == 16][1:]
     assert all(rows[place - 1][3:5] == [115, 330.0] for place in sites)
@@ -144,7 +144,7 @@ def test_waypoint_files_are_not_for_px4():
     assert ".plan" in caught.value.hint
 
 
-def test_files_are_for_the_autopilot_of_the_drone():
+def test_files_for_another_autopilot_than_the_drones_are_refused():
     for name, autopilot in (
         ("plan", "dji"),
         ("waypoints", "dji"),
@@ -155,7 +155,7 @@ def test_files_are_for_the_autopilot_of_the_drone():
             written(grid(autopilot=autopilot), name)
 
 
-def test_px4_gets_no_heights_above_the_terrain():
+def test_heights_above_the_terrain_are_refused_for_px4():
     with pytest.raises(RequestError, match="does not accept heights above terrain"):
         plan_of(grid(altitude_frame="terrain", autopilot="px4"))
 
@@ -164,13 +164,13 @@ def test_px4_gets_no_heights_above_the_terrain():
     ("autopilot", "hold", "hint"),
     [("ardupilot", 0.0, "--hold 1"), ("ardupilot", 1.5, "--hold 2"), ("px4", 0.0, "--hold 0.2")],
 )
-def test_holds_that_are_flown_through_are_refused(autopilot, hold, hint):
+def test_holds_that_an_autopilot_ignores_are_refused(autopilot, hold, hint):
     with pytest.raises(RequestError) as caught:
         plan_of(grid(autopilot=autopilot, hold_s=hold))
     assert caught.value.hint.startswith(f"give {hint}")
 
 
-def test_zeros_that_arducopter_takes_for_its_place_are_moved_by_a_centimetre():
+def test_zeros_are_moved_by_a_centimetre_for_arducopter():
     mission = grid(1, origin=(0.0, 0.0), altitude_m=0.0, baseline_m=0.0)
     rows = commands_of(written(mission, "waypoints").decode())
     assert [row[8:11] for row in rows[1:] if row[3] == 16][1] == [1e-7, 0.0, 0.01]

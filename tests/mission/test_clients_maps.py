@@ -169,7 +169,7 @@ def test_litchi_wp_reads_every_row(tmp_path, name, trigger):
         assert any(site.photo.distance_interval == pytest.approx(3.0) for site in read)
 
 
-def test_litchi_wp_skips_what_our_rows_avoid(tmp_path):
+def test_litchi_wp_skips_numbers_with_exponents(tmp_path):
     client("litchi_wp")
     from litchi_wp.waypoint import Waypoint
 

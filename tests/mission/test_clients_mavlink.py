@@ -85,7 +85,7 @@ def test_pymavlink_loads_waypoints(mavutil, tmp_path, name):
         lambda text: text.replace("\t16\t", "\tsixteen\t", 1),
     ],
 )
-def test_pymavlink_refuses_what_is_broken(mavutil, tmp_path, spoil):
+def test_pymavlink_refuses_a_damaged_file(mavutil, tmp_path, spoil):
     from pymavlink import mavwp
 
     path = file_of(SITES, "waypoints", tmp_path)
@@ -172,7 +172,7 @@ def test_mavsdk_imports_waypoints(ground_station, tmp_path, name):
 
 
 @pytest.mark.parametrize("key", ["mission", "geoFence", "params"])
-def test_mavsdk_refuses_a_plan_without(ground_station, tmp_path, key):
+def test_mavsdk_refuses_a_plan_without_required_keys(ground_station, tmp_path, key):
     missions, _ = ground_station
     path = file_of(SITES, "plan", tmp_path)
     path.write_text(path.read_text().replace(f'"{key}"', '"elsewhere"'))

@@ -54,14 +54,14 @@ def path_of(content):
 # Golden files
 
 
-def test_golden_files_are_those_that_would_be_written():
+def test_every_golden_file_is_written_and_no_other():
     assert set(contents()) == {path.name for path in FOLDER.iterdir() if path.suffix != ".py"} - {
         "__pycache__"
     }
 
 
 @pytest.mark.parametrize("name", contents())
-def test_files_are_byte_for_byte_the_golden_ones(name):
+def test_files_equal_the_golden_files_byte_for_byte(name):
     assert contents()[name].decode() == (FOLDER / name).read_text(encoding="utf-8")
 
 
@@ -274,7 +274,7 @@ def test_formats_are_those_of_the_contract():
     assert list(formats()) == sorted(formats())
 
 
-def test_every_ending_belongs_to_one_format():
+def test_every_extension_belongs_to_one_format():
     endings = [suffix for form in formats().values() for suffix in form.suffixes]
     assert len(endings) == len(set(endings))
     assert all(suffix.startswith(".") and suffix == suffix.lower() for suffix in endings)
@@ -300,7 +300,7 @@ def test_every_ending_belongs_to_one_format():
         ("wpml:x.zip", "kmz", "kmz", "x.zip"),
     ],
 )
-def test_a_format_is_chosen_by_name_or_ending(path, name, chosen, rest):
+def test_a_format_is_chosen_by_name_or_extension(path, name, chosen, rest):
     form, where = choose_format(path, name)
     assert (form.name, where) == (chosen, rest)
 
@@ -324,7 +324,7 @@ def test_an_unknown_format_is_refused(path, name, words):
     assert words in caught.value.message
 
 
-def test_a_page_is_a_report():
+def test_html_outputs_are_refused_with_a_hint_for_report():
     with pytest.raises(RequestError) as caught:
         choose_format("plan.html")
     assert caught.value.hint == "to write a page about the plan, give --report plan.html"
@@ -361,7 +361,7 @@ def added_format(tmp_path, monkeypatch):
     vars(formats_folder).pop("counted", None)
 
 
-def test_a_module_and_its_line_add_a_format(added_format, tmp_path, capsys):
+def test_a_module_and_a_registry_entry_add_a_format(added_format, tmp_path, capsys):
     assert added_format in formats()
     planned().write(tmp_path / "plan.cnt")
     assert (tmp_path / "plan.cnt").read_text() == "10\n"
@@ -372,14 +372,14 @@ def test_a_module_and_its_line_add_a_format(added_format, tmp_path, capsys):
     assert (tmp_path / "more.txt").read_text() == "50\n"
 
 
-def test_a_format_that_was_added_goes_away_again():
+def test_formats_added_by_another_test_are_not_registered():
     assert "counted" not in formats()
 
 
 # Writing files
 
 
-def test_a_plan_writes_itself(tmp_path):
+def test_a_plan_writes_its_waypoints_to_a_file(tmp_path):
     result = planned(origin=LINZ)
     result.write(tmp_path / "plan.csv")
     result.write(f"csv:{tmp_path / 'plan.txt'}")
@@ -398,7 +398,7 @@ def test_a_plan_overwrites_only_when_forced(tmp_path):
     assert (tmp_path / "plan.csv").read_bytes() == rendered(planned(), "csv")
 
 
-def test_without_a_place_geojson_is_an_error_and_not_a_file(tmp_path):
+def test_without_a_location_geojson_is_refused_and_no_file_is_written(tmp_path):
     with pytest.raises(RequestError) as caught:
         planned().write(tmp_path / "plan.geojson")
     assert "needs a location" in caught.value.message
@@ -442,7 +442,7 @@ def test_a_saved_plan_exports_the_same_bytes_as_the_plan_itself(saved, tmp_path,
     assert exported.read_bytes() == direct.read_bytes()
 
 
-def test_export_says_what_it_wrote_unless_quiet(saved, tmp_path, capsys):
+def test_export_reports_the_written_file_unless_quiet(saved, tmp_path, capsys):
     out = str(tmp_path / "a.csv")
     assert run(["export", str(saved), "--out", out]) == 0
     assert out in capsys.readouterr().out

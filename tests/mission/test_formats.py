@@ -60,7 +60,7 @@ def test_the_same_mission_gives_the_same_bytes(mission):
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_heights_count_from_the_take_off_where_the_ground_is_known(name):
+def test_heights_are_above_the_takeoff_if_the_ground_is_known(name):
     ground = [200.0 + 3.0 * index for index in range(12)]
     mission = grid(ground_m=ground, takeoff_ground_m=190.0)
     above_ground = name in {"csv", "geojson", "kml"}
@@ -73,7 +73,7 @@ def test_heights_count_from_the_take_off_where_the_ground_is_known(name):
 
 
 @pytest.mark.parametrize("name", ["waypoints", "plan", "litchi"])
-def test_a_terrain_frame_leaves_the_ground_to_the_autopilot(name):
+def test_heights_in_the_terrain_frame_are_above_the_ground(name):
     ground = [200.0 + 3.0 * index for index in range(12)]
     mission = grid(
         ground_m=ground, takeoff_ground_m=190.0, altitude_frame="terrain", autopilot=AUTOPILOT[name]
@@ -195,7 +195,7 @@ def test_every_photo_lies_on_one_line_of_equal_steps(mission):
             assert (step[0] ** 2 + step[1] ** 2) ** 0.5 == pytest.approx(spacing, rel=0.03)
 
 
-def test_sites_off_any_line_take_single_photos():
+def test_sites_outside_lines_have_single_photos():
     ways = Waypoints([0.0, 3.0, 9.7, 1.1], [0.0, 0.0, 5.3, 8.8], [40.0] * 4, [0.0] * 4, [0.0] * 4)
     mission = grid(trigger="distance")._replace(waypoints=ways)
     assert photo_lines(mission) == [(0, 1), (2, 2), (3, 3)]
@@ -247,7 +247,7 @@ def test_names_in_missions_are_escaped_in_every_format(name):
 
 
 @pytest.mark.parametrize("summary", [{}, {"scene": None, "camera": 3}, {"scene": {"name": 7}}])
-def test_missions_without_a_summary_are_written_all_the_same(summary):
+def test_missions_without_a_summary_are_written(summary):
     mission = grid(drone="dji-m3t")._replace(summary=summary)
     for name in formats():
         assert written(mission, name)
@@ -286,7 +286,7 @@ def test_none_of_the_numbered_files_is_written_if_one_exists(tmp_path, capsys):
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_files_of_an_earlier_longer_mission_are_named(tmp_path, capsys):
+def test_a_hint_names_numbered_files_of_an_earlier_longer_mission(tmp_path, capsys):
     (tmp_path / "grid-3.waypoints").write_text("old")
     arguments = [argument for argument in LONG if argument != "--quiet"]
     assert run([*arguments, "--out", str(tmp_path / "grid.waypoints")]) == 0
@@ -342,7 +342,7 @@ def test_autopilot_and_payload_reach_the_files(tmp_path):
         ("trigger", "time"),
     ],
 )
-def test_a_saved_plan_flown_in_strange_ways_is_refused(tmp_path, capsys, name, value):
+def test_a_saved_plan_with_invalid_flight_settings_is_refused(tmp_path, capsys, name, value):
     assert run([*[a for a in PLAN if a != "--quiet"], "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     document["flight"][name] = value

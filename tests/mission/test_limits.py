@@ -24,7 +24,7 @@ def limit_cases():
 
 
 @pytest.mark.parametrize(("name", "target", "most"), list(limit_cases()))
-def test_no_file_holds_more_than_its_target_takes(name, target, most):
+def test_no_file_has_more_waypoints_than_its_limit(name, target, most):
     autopilot = target if target in {"px4", "ardupilot"} else None
     size = size_of(formats()[name])
     # A file has items for home, take-off, speed, gimbal and return, and several items for each
@@ -67,7 +67,7 @@ def test_each_part_is_a_whole_mission_of_its_own():
         assert rows[0][8:10] == rows[5][8:10]
 
 
-def test_several_flights_are_numbered_on():
+def test_files_of_several_flights_are_numbered_consecutively():
     flights = [grid(120)._replace(flight=number, flights=2) for number in (1, 2)]
     needed = mission_files(flights, formats()["litchi"], "grid.csv")
     assert list(needed) == [f"grid-{number}.csv" for number in (1, 2, 3, 4)]
@@ -76,7 +76,7 @@ def test_several_flights_are_numbered_on():
     assert halves[0].title.endswith("flight 2 of 2, part 1 of 2")
 
 
-def test_a_drone_that_takes_fewer_waypoints_rules():
+def test_the_waypoint_limit_of_the_drone_applies_if_it_is_lower():
     needed = mission_files([grid(85, most_waypoints=40)], formats()["litchi"], "grid.csv")
     assert [len(READERS["litchi"](content)) for content in needed.values()] == [28, 28, 29]
     assert len(mission_files([grid(85, most_waypoints=40)], formats()["csv"], "grid.csv")) == 1
@@ -106,7 +106,7 @@ def test_several_files_do_not_fit_into_stdout():
         ("waypoints", {"altitude_m": 1e6}, "height 1e+06 m"),
     ],
 )
-def test_what_splitting_does_not_cure_is_refused_with_the_number(name, values, words):
+def test_limits_that_splitting_cannot_meet_give_an_error_with_the_number(name, values, words):
     with pytest.raises(RequestError) as caught:
         mission_files([grid(**values)], formats()[name], "grid")
     assert words in caught.value.message

@@ -63,7 +63,7 @@ def test_distance_photos_and_terrain_frames_are_refused(name, values, words):
 
 
 @pytest.mark.parametrize("drone", [name for name in DRONES if DRONES[name].mission_formats])
-def test_every_drone_flies_formats_that_are_there_and_no_other_of_these(drone, tmp_path, capsys):
+def test_every_drone_writes_exactly_its_own_maker_formats(drone, tmp_path, capsys):
     preset = DRONES[drone]
     assert set(preset.mission_formats) <= set(formats())
     camera = [] if preset.camera else ["--camera", "flir-vue-pro-640-9mm"]
@@ -151,7 +151,7 @@ ALLOWED = {16, 20, 22, 112, 178, 205, 2000, 50000}
 
 @given(mission=missions)
 @settings(max_examples=30)
-def test_parrot_items_are_those_that_the_anafi_takes(mission):
+def test_parrot_items_follow_the_documentation_of_the_anafi(mission):
     rows = commands_of(written(mission, "parrot").decode(), 120)
     assert [row[0] for row in rows] == list(range(len(rows)))
     assert {row[3] for row in rows} <= ALLOWED
@@ -174,14 +174,14 @@ def test_parrot_waits_before_and_after_each_photo():
     assert [row[3] for row in without[4:-1]] == [16, 2000] * 9
 
 
-def test_parrot_takes_no_photo_where_the_drone_only_turns():
+def test_parrot_files_have_no_photo_at_turning_points():
     rows = commands_of(written(grid(9, photo=[True] * 8 + [False]), "parrot").decode(), 120)
     assert sum(row[3] == 16 for row in rows) == 9
     assert sum(row[3] == 2000 for row in rows) == 8
 
 
 @pytest.mark.parametrize("speed", [0.9, 10.1])
-def test_parrot_bounds_the_speed(speed):
+def test_parrot_files_limit_the_speed(speed):
     flown = flown_in(grid(speed_mps=speed), "parrot")
     with pytest.raises(RequestError, match=r"takes 1 to 10 m/s"):
         mission_files([flown], formats()["parrot"], "g.mavlink")

@@ -100,7 +100,7 @@ def test_a_heading_only_turns_the_grid(kind, samples, heading):
 
 
 @given(heading=st.floats(0, 359.9), turns=st.integers(-3, 3))
-def test_whole_turns_change_nothing(heading, turns):
+def test_headings_that_differ_by_whole_turns_give_the_same_positions(heading, turns):
     one, other = (
         positions("trimmed", 7, 2.8, heading),
         positions("trimmed", 7, 2.8, heading + 360.0 * turns),
@@ -136,7 +136,7 @@ def test_waypoints_are_numbered_in_flight_order():
 
 
 @pytest.mark.parametrize("origin", [None, (48.0, 14.0)])
-def test_a_place_adds_coordinates_and_changes_no_metre(origin):
+def test_a_location_adds_coordinates_and_does_not_change_metres(origin):
     pattern = pattern_for("trimmed", 7)
     plain = waypoints_of(pattern, 2.8, heading_deg=20.0, altitude_m=40.0, origin=None)
     placed = waypoints_of(pattern, 2.8, heading_deg=20.0, altitude_m=40.0, origin=origin)

@@ -19,7 +19,7 @@ def said(name, *missions):
 
 @pytest.mark.parametrize("name", ["waypoints", "plan"])
 @pytest.mark.parametrize("datum", ["ellipsoid", "EGM2008 height"])
-def test_the_height_of_home_is_said_with_its_datum(name, datum):
+def test_a_note_gives_the_height_of_home_and_its_datum(name, datum):
     found = said(name, grid(ground_m=LEVEL, autopilot="ardupilot", height_datum=datum, **PLACE))
     assert (
         f"the home position as 190.0 m, above {datum}, although the format expects the height above sea level"
@@ -28,12 +28,12 @@ def test_the_height_of_home_is_said_with_its_datum(name, datum):
 
 
 @pytest.mark.parametrize("name", ["waypoints", "plan"])
-def test_a_height_of_home_that_is_not_known_is_said(name):
+def test_a_note_says_that_the_height_of_home_is_unknown(name):
     assert "not known, so the file contains 0" in said(name, grid(autopilot="ardupilot"))
 
 
 @pytest.mark.parametrize("name", ["kmz", "dji-fly", "autel"])
-def test_the_reference_point_of_the_takeoff_is_said_where_it_is_written(name):
+def test_a_note_describes_the_takeoff_reference_point_if_it_is_written(name):
     ellipsoidal = grid(ground_m=SLOPE, height_datum="ellipsoid", **PLACE)
     assert "has the height of the terrain file above the ellipsoid, 190.0 m" in said(
         name, ellipsoidal
@@ -70,7 +70,7 @@ def test_litchi_is_set_to_the_transit_speed():
     assert "the cruising speed to 9.5 m/s" in said("litchi", grid(transit_mps=9.5))
 
 
-def test_a_format_that_a_drone_is_not_known_to_fly_is_said(tmp_path, capsys):
+def test_a_note_names_a_drone_not_known_to_fly_the_format(tmp_path, capsys):
     plan = ["plan", "--altitude", "40", "--origin", "48.3358,14.3261", "--vhat", "0.8"]
     out = f"litchi:{tmp_path / 'a.csv'}"
     assert run([*plan, "--drone", "dji-m3t", "--out", out]) == 0
@@ -79,7 +79,7 @@ def test_a_format_that_a_drone_is_not_known_to_fly_is_said(tmp_path, capsys):
     assert "not known whether" not in capsys.readouterr().err
 
 
-def test_legs_that_px4_may_reject_are_said():
+def test_a_note_names_legs_that_px4_may_reject():
     far = grid(autopilot="px4", takeoff_latitude=48.3458, takeoff_longitude=14.3261)
     assert "may reject legs of 11" in said("plan", far)
     near = grid(autopilot="px4", takeoff_latitude=48.3408, takeoff_longitude=14.3261)
@@ -88,13 +88,13 @@ def test_legs_that_px4_may_reject_are_said():
 
 
 @pytest.mark.parametrize("values", [{"trigger": "distance"}, {"camera_control": "outputs"}])
-def test_the_camera_trigger_of_px4_is_said(values):
+def test_a_note_describes_the_camera_trigger_of_px4(values):
     assert "TRIG_MODE" in said("plan", grid(autopilot="px4", **values))
     assert "TRIG_MODE" not in said("plan", grid(autopilot="px4"))
     assert "TRIG_MODE" not in said("plan", grid(autopilot="ardupilot"))
 
 
-def test_the_drone_and_the_lens_of_a_wpml_route_are_said():
+def test_a_note_names_drone_and_lens_of_a_wpml_route():
     assert "no drone is given, so the file is for the dji-m3t" in said("kmz", grid())
     own = grid(drone="dji-m3t")._replace(summary={"camera": {"name": "custom"}})
     assert (

@@ -180,7 +180,7 @@ def test_numbers_of_drones_are_those_that_dji_publishes():
         (None, {}, "needs a drone", "--drone"),
     ],
 )
-def test_wpml_asks_for_what_it_does_not_know(camera, values, words, hint):
+def test_wpml_is_refused_without_a_known_drone_or_payload(camera, values, words, hint):
     mission = grid(**values)._replace(summary={"camera": {"name": camera}})
     with pytest.raises(RequestError) as caught:
         written(mission, "kmz")

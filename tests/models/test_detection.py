@@ -58,7 +58,7 @@ def test_kernels_have_the_moments_of_drawn_pairs_of_points(target):
 # --- The pairs of rays, compared with random slices ---------------------------------------------
 
 
-def test_pairs_of_rays_share_what_they_share_in_drawn_slices():
+def test_shared_occluders_of_pairs_of_rays_equal_those_in_random_slices():
     """For one offset on the ground and one offset of the cameras, Q and C agree with 20,000 random
     stacks.
     """
@@ -150,7 +150,7 @@ def test_detection_of_the_design(layers, samples, found, clutter, level):
 # --- Necessary properties ----------------------------------------------------------------------
 
 
-def test_a_table_of_offsets_gives_what_the_integrals_give():
+def test_a_table_of_offsets_agrees_with_the_integrals():
     exact = DetectionModel(TWENTY, 50.0, PERSON, Signature(3.0, -1.0, 0.3))
     table = DetectionModel(TWENTY, 50.0, PERSON, Signature(3.0, -1.0, 0.3)).for_search()
     for samples, baseline in ((9, 0.7), (25, 2.0), (30, 4.0)):
@@ -161,7 +161,7 @@ def test_a_table_of_offsets_gives_what_the_integrals_give():
         assert other.probability == pytest.approx(one.probability, abs=0.02)
 
 
-def test_sites_of_a_lattice_and_the_same_sites_scattered_are_one_thing():
+def test_lattice_sites_given_as_positions_have_the_same_detection():
     model = DetectionModel(ONE, 50.0)
     pattern = pattern_for("trimmed", 14)
     lattice = model.predict(pattern, 1.5)
@@ -170,7 +170,7 @@ def test_sites_of_a_lattice_and_the_same_sites_scattered_are_one_thing():
     assert scattered.probability == pytest.approx(lattice.probability, rel=1e-9)
 
 
-def test_more_contrast_and_more_false_alarms_find_more():
+def test_detection_increases_with_contrast_and_false_alarms():
     lone = detection(TWENTY, 25, 2.0)
     values = [share for _, share in lone.curve]
     assert values == sorted(values)
@@ -181,7 +181,7 @@ def test_more_contrast_and_more_false_alarms_find_more():
     assert lax.probability > lone.probability
 
 
-def test_what_is_colder_is_found_as_what_is_warmer():
+def test_cold_and_warm_targets_have_the_same_detection():
     warm = detection(TWENTY, 16, 2.0, (3.0, -1.0, 0.2))
     cold = detection(TWENTY, 16, 2.0, (-3.0, 1.0, 0.2))
     assert cold.probability == pytest.approx(warm.probability, rel=1e-12)
@@ -263,7 +263,7 @@ def test_crowns_of_a_pattern_are_summed_over_all_its_pairs(scattered):
     assert box == pytest.approx(wanted, rel=1e-5)
 
 
-def test_points_that_nearly_always_see_give_certain_detection():
+def test_detection_is_certain_if_points_are_nearly_always_seen():
     thin = (Layer(9.9, 10.1, 1e-6, 0.2),)
     found = detection(thin, 9, 2.0)
     assert found.probability == pytest.approx(1.0, abs=1e-3)
@@ -293,7 +293,7 @@ def test_a_counted_distribution_is_the_one_that_was_counted():
         assert seen.at_least(share) == pytest.approx((shares >= share).mean(), abs=1 / 160)
 
 
-def test_windows_that_count_as_independent_are_more_at_higher_levels():
+def test_the_number_of_independent_windows_increases_with_the_level():
     few, many = (independent_windows(level, 3.0) for level in (3.0, 5.0))
     # χ(u)/Φ̄(u) increases nearly as u³.
     assert many / few == pytest.approx((5.0 / 3.0) ** 3, rel=0.15)
@@ -320,7 +320,7 @@ def test_an_exponential_tail_is_followed_beyond_the_highest_peaks(number):
 
 
 @pytest.mark.parametrize("slice_m", [None, 0.8])
-def test_what_is_counted_in_voxels_is_what_the_measured_model_sees(slice_m):
+def test_seen_shares_counted_in_voxels_equal_the_measured_model(slice_m):
     """Counted detection equals the measured model, for cubes and for plates in thicker slices."""
     volume = clumped_forest(generator(3), 0.7, 0.4, 2.0, 8.0, (24.0, 24.0))
     volume = replace(volume, slice_m=slice_m)

@@ -46,7 +46,7 @@ def test_scalars_and_arrays_of_the_other_equations_give_the_same_to_1_ulp():
         assert np.all(np.abs(together - alone) <= np.spacing(together)), function.__name__
 
 
-def test_squares_given_twice_or_by_one_name_give_the_same_to_1_ulp():
+def test_rows_and_columns_as_one_object_give_the_same_result_to_1_ulp():
     """If `rows is columns`, a shorter formula is used.  It gives the same result."""
     _, side, _, dhat = spread(2000, seed=4)
     for one, other in (
@@ -68,14 +68,14 @@ def test_shapes_broadcast():
         assert together[i, j, k] == alone
 
 
-def test_arrays_longer_than_a_block_are_whole():
+def test_arrays_longer_than_a_block_are_computed_completely():
     side = np.arange(1, 30_001)
     assert visibility_shortfall(1, side, 1.0) == near(1.0 / side, rel=1e-15)
     grid = visibility_shortfall(side[:200, None], side[None, :200], 2.0)
     assert grid == near(1.0 / np.outer(side[:200], side[:200]), rel=1e-15)
 
 
-def test_strided_and_reversed_arrays_are_read_where_they_lie():
+def test_strided_and_reversed_arrays_give_correct_results():
     dhat = np.linspace(0.0, 1.0, 20_001)
     whole = visibility(0.5, 7, 7, dhat)
     assert np.array_equal(visibility(0.5, 7, 7, dhat[::-3]), whole[::-3])

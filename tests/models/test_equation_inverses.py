@@ -122,7 +122,7 @@ def test_required_samples_inverts_eq_4_for_the_floats_to_a_million(samples):
 
 
 @given(target=st.floats(0.0, 1.0 - 1e-6))
-def test_a_float_snaps_to_a_whole_number_of_samples_within_1_ulp_only(target):
+def test_only_floats_within_1_ulp_are_rounded_to_a_whole_sample_count(target):
     samples = required_samples(target)
     unit = Fraction(math.ulp(target))
     assert 1 - Fraction(1, samples) >= Fraction(target) - unit
@@ -211,7 +211,7 @@ def test_a_target_that_is_no_share_below_1_is_refused_in_one_sentence_with_a_hin
     assert caught.value.hint
 
 
-def test_a_percentage_without_its_sign_is_told_where_the_sign_goes():
+def test_a_percentage_without_its_sign_gets_a_hint_with_the_sign():
     for target in (98, "98", 98.0, Decimal(98)):
         with pytest.raises(RequestError) as caught:
             required_samples(target)
@@ -242,7 +242,7 @@ def test_required_samples_for_visibility_is_the_fewest_of_eq_3(target, density):
         assert samples == 1 or reached(samples - 1) < wanted
 
 
-def test_visibility_that_one_sample_has_needs_one_and_beyond_the_limit_nothing_helps():
+def test_visibility_of_one_sample_needs_one_and_beyond_the_limit_gives_none():
     assert required_samples_for_visibility(0.5, 0.5) == 1
     assert required_samples_for_visibility(0.0, 1.0) == 1
     assert required_samples_for_visibility(1.0, 0.0) == 1

@@ -144,7 +144,7 @@ def test_the_shortfall_of_a_line_is_within_8_ulp_of_exact_arithmetic(samples, dh
 
 
 @given(transparent=st.floats(-300.0, -15.0).map(lambda e: 10.0**e), grid=grids)
-def test_transparency_carries_the_digits_of_a_density_that_rounds_to_1(transparent, grid):
+def test_transparency_keeps_digits_if_the_density_rounds_to_1(transparent, grid):
     values = computed_values(1.0 - transparent, *grid, transparency=transparent)
     for value, reference in zip(
         values, exact_values(None, *grid, transparent=transparent), strict=True
@@ -248,7 +248,7 @@ def test_eq_3_is_eq_2_from_a_disparity_of_1_on(density, samples):
 
 
 @given(density=densities, rows=sides, columns=sides)
-def test_without_disparity_many_samples_are_worth_one(density, rows, columns):
+def test_without_disparity_many_samples_equal_one_sample(density, rows, columns):
     assert visibility(density, rows, columns, 0.0) == visibility_limits(density)[0]
     assert normalized_visibility(rows, columns, 0.0) == 0.0
     assert visibility_shortfall(rows, columns, 0.0) == 1.0

@@ -51,7 +51,7 @@ def test_large_grids_are_followed_by_samples_spread_over_them():
     assert len(np.unique(sites[:, 0])) > 90
 
 
-def test_the_ground_is_what_all_samples_see_and_shows_less_than_its_middle():
+def test_mean_visibility_over_the_common_ground_is_below_that_at_its_middle():
     result = planned()
     ground = result.ground
     assert ground.size_m == pytest.approx(result.common_footprint_m)

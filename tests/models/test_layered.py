@@ -73,7 +73,7 @@ def test_one_slice_is_the_uniform_model_for_every_trimmed_grid(dhat):
         assert shortfall == near(pattern_shortfall(pattern, dhat), rel=1e-12), samples
 
 
-def test_slices_that_move_alike_are_one_slice():
+def test_slices_with_equal_disparity_equal_one_slice():
     """Slices with the same ratio of size to height have the same disparity, and K = 1/N at d̂ =
     1.
     """
@@ -332,7 +332,7 @@ def test_the_shortfall_lies_between_one_over_the_samples_and_one(layers, samples
 
 
 @given(layers=stacks(), factor=st.floats(1.0, 2.0))
-def test_a_wider_baseline_never_shows_less(layers, factor):
+def test_a_larger_baseline_never_reduces_visibility(layers, factor):
     model = LayeredModel(layers, 50.0)
     pattern = pattern_for("trimmed", 13)
     for share in (0.01, 0.1, 0.5):
@@ -343,7 +343,7 @@ def test_a_wider_baseline_never_shows_less(layers, factor):
 
 
 @given(layers=stacks(), samples=st.integers(2, 30))
-def test_at_the_independent_baseline_samples_share_nothing_and_just_below_they_do(layers, samples):
+def test_samples_share_occluders_only_below_the_independent_baseline(layers, samples):
     model = LayeredModel(layers, 50.0)
     pattern = pattern_for("trimmed", samples)
     independent = min(model.independent_baseline_m, 1e300)
@@ -353,7 +353,7 @@ def test_at_the_independent_baseline_samples_share_nothing_and_just_below_they_d
         assert model.predict(pattern, independent * 0.99).shortfall > 1 / samples
 
 
-def test_at_one_place_all_samples_are_one():
+def test_samples_at_one_place_equal_one_sample():
     layers = [Layer(1.0, 3.0, 0.1, 0.2), Layer(4.0, 9.0, 0.4, 0.5)]
     assert layered_shortfall(layers, 50.0, 7, 7, 0.0) == near(1.0, rel=1e-14)
     assert layered_visibility(layers, 50.0, 7, 7, 0.0) == near(0.9 * 0.6, rel=1e-14)
@@ -378,12 +378,12 @@ def test_slices_without_occluders_do_not_matter():
         )
 
 
-def test_where_nothing_stands_everything_is_seen():
+def test_without_occluders_everything_is_visible():
     for baseline in (0.0, 1.0):
         assert layered_visibility([Layer(1.0, 3.0, 0.0, 0.2)], 50.0, 7, 7, baseline) == 1.0
 
 
-def test_occluders_on_the_focal_plane_never_blur_away():
+def test_occluders_on_the_focal_plane_reduce_visibility_at_every_baseline():
     grass = [Layer(0.0, 0.0, 0.3, 0.1)]
     assert layered_shortfall(grass, 50.0, 7, 7, 100.0) == near(1.0, rel=1e-14)
     assert layered_visibility(grass, 50.0, 7, 7, 100.0) == near(0.7, rel=1e-14)
@@ -487,6 +487,6 @@ def test_outside_the_domain_every_argument_gives_nan_and_no_warning(function, na
 
 
 @pytest.mark.parametrize("function", [layered_visibility, layered_shortfall])
-def test_a_baseline_without_end_is_nan_or_the_limit_but_no_warning(function):
+def test_an_infinite_baseline_gives_nan_or_the_limit_without_a_warning(function):
     value = function(**(GOOD | {"baseline": math.inf}))
     assert math.isnan(value) or value == near(function(**(GOOD | {"baseline": 1e9})), rel=1e-12)

@@ -81,7 +81,7 @@ def test_views_from_one_place_are_one_view(forest):
 
 
 @pytest.mark.parametrize(("fill", "density"), [(False, 0.0), (True, 1.0)])
-def test_views_that_see_all_or_nothing_count_as_independent(fill, density):
+def test_views_with_all_or_no_targets_hidden_are_treated_as_independent(fill, density):
     volume = VoxelVolume(np.full((4, 3, 5), fill), 1.0)
     prediction = MeasuredModel(volume, 20.0).predict(Pattern(2, 3), 1.0)
     assert prediction == (density, 1.0 - density, 1.0 / 6.0)

@@ -29,7 +29,7 @@ def plot(stand):
 
 
 @pytest.mark.parametrize("view", ["telecentric", "perspective"])
-def test_interior_targets_do_not_know_what_stands_around_the_plot(stand, plot, view):
+def test_interior_targets_do_not_depend_on_the_surroundings_of_the_plot(stand, plot, view):
     pattern, baseline = pattern_for("trimmed", 9), 6.0
     inside = MeasuredModel(plot, ALTITUDE_M, edges="interior", view=view)
     sites = inside.sites_m(pattern, baseline) + np.array([1.7, -0.9])
@@ -51,7 +51,7 @@ def test_interior_targets_do_not_know_what_stands_around_the_plot(stand, plot, v
     assert abs(wrapped.expected - found.expected) > 1e-4
 
 
-def test_the_window_is_as_large_as_it_may_be(plot):
+def test_the_interior_window_has_the_largest_possible_size(plot):
     model = MeasuredModel(plot, ALTITUDE_M, edges="interior")
     window = model.interior([(-6.0, 0.0), (9.0, 3.0)])
     rise = plot.canopy_top_m / ALTITUDE_M
@@ -66,7 +66,7 @@ def test_the_window_is_as_large_as_it_may_be(plot):
         assert left + 1e-9 >= high * rise > left - plot.voxel_m
 
 
-def test_too_few_targets_are_all_of_them_or_none(plot):
+def test_with_too_few_interior_targets_auto_uses_all_and_interior_is_refused(plot):
     pattern = pattern_for("trimmed", 9)
     auto = MeasuredModel(plot, ALTITUDE_M, edges="auto")
     assert auto.edges_of(pattern, 2.0) == "interior"
@@ -77,7 +77,7 @@ def test_too_few_targets_are_all_of_them_or_none(plot):
     assert auto.interior_prediction(pattern, 60.0) is None
 
 
-def test_a_clipped_rim_does_not_reach_the_interior(plot):
+def test_a_clipped_rim_does_not_change_interior_predictions(plot):
     clipped = plot.occupied.copy()
     for side in (np.s_[:, :4], np.s_[:, -4:], np.s_[:, :, :4], np.s_[:, :, -4:]):
         clipped[side] = False
@@ -101,7 +101,7 @@ def clipped(stand, cells):
     return replace(stand, occupied=occupied)
 
 
-def test_correlograms_of_the_interior_do_not_know_the_rim(stand):
+def test_interior_correlograms_do_not_depend_on_the_rim(stand):
     whole, thin = correlogram(stand), correlogram(clipped(stand, 4))
     assert len(whole.interior) == len(INTERIOR)
     assert whole.density - thin.density > 0.03
@@ -155,7 +155,7 @@ def test_between_the_tables_the_surrogate_is_continuous(stand):
 
 
 @pytest.mark.parametrize("heading", [0.0, 30.0, 45.0])
-def test_no_grid_that_a_search_may_take_wraps(stand, heading):
+def test_searched_grids_are_narrow_enough_for_the_plot(stand, heading):
     model = MeasuredModel(stand, ALTITUDE_M, edges="auto", heading_deg=heading)
     pattern = pattern_for("square", 9)
     widest = model.widest_aperture_m / pattern.longer_side

@@ -86,7 +86,7 @@ def test_predictions_follow_from_the_pairs(kind, baseline, pattern):
 
 @pytest.mark.parametrize("kind", ["oblique", "cubes"])
 @pytest.mark.parametrize("hold_error", [0.0, 0.5])
-def test_samples_on_no_lattice_are_the_same_sum(kind, hold_error):
+def test_scattered_samples_give_the_same_sum_as_a_lattice(kind, hold_error):
     lattice = Pattern(4, 5)
     points = 1.5 * np.array(list(lattice.offsets()))
     layered = LayeredModel(LAYERS, 20.0, rays=kind, hold_error_m=hold_error)
@@ -118,7 +118,7 @@ def test_far_apart_samples_can_need_fewer_than_their_number():
     assert found.expected < UniformModel(0.6, 0.4, 1.0).predict(Pattern(4, 4), 9.0).expected
 
 
-def test_where_nothing_is_seen_views_count_as_independent():
+def test_fully_hidden_views_are_treated_as_independent():
     for model in (
         UniformModel(0.6, 0.4, 1.0, rays="oblique", altitude_m=20.0),
         LayeredModel(LAYERS, 20.0, rays="cubes"),
@@ -211,7 +211,7 @@ def test_a_plan_with_oblique_rays_meets_its_target(model):
     assert found.expected < straight.solution.prediction.expected
 
 
-def test_wide_apertures_are_warned_of():
+def test_wide_apertures_give_a_warning():
     def codes(**options):
         return [m.code for m in plan(PlanRequest(altitude=40, **options)).warnings]
 

@@ -114,7 +114,7 @@ def test_a_pattern_is_the_mean_over_its_pairs(pattern, spread, dhat):
     assert pattern_shortfall(pattern, dhat, spread) == blurred_shortfall(pattern, dhat, spread)
 
 
-def test_the_known_cost_of_holding_badly():
+def test_position_noise_reduces_vhat_by_the_known_amount():
     # V̂ of 7 x 7 samples at d̂ = 1, s = σ/b = 0.43: 0.980 -> 0.968 (0.9673 by its linear form).
     model = UniformModel(0.567, 0.433, 2.8, hold_error_m=0.43 * 2.8)
     assert model.predict(Pattern(7, 7), 2.8).normalized == pytest.approx(0.96787, abs=5e-6)
@@ -223,7 +223,7 @@ def models(hold_error):
 
 
 @pytest.mark.parametrize("which", [0, 1])
-def test_no_noise_costs_nothing(which):
+def test_zero_noise_does_not_change_the_prediction(which):
     exact = (UniformModel(0.567, 0.433, 2.8), LayeredModel(LAYERS, 30.0))[which]
     for pattern in PATTERNS:
         assert models(0.0)[which].predict(pattern, 1.1) == exact.predict(pattern, 1.1)
@@ -282,7 +282,7 @@ def test_sites_on_no_lattice_are_summed_pair_by_pair():
 # --- Plans ---------------------------------------------------------------------------------
 
 
-def test_a_plan_holds_its_target_under_noise_with_the_fewest_samples():
+def test_a_plan_with_noise_meets_its_target_with_the_fewest_samples():
     found = plan(PlanRequest(altitude=40, hold_error=0.5)).solution
     unit = plan(PlanRequest(altitude=40)).solution.baseline_m
     assert found.baseline_m == unit
@@ -367,7 +367,7 @@ def test_measured_expectations_are_means_over_flights(forest):
         assert 0.0 < error < 0.01
 
 
-def test_the_draws_are_the_same_for_every_plan(forest):
+def test_random_position_errors_are_the_same_for_every_plan(forest):
     model = MeasuredModel(forest, 50.0, hold_error_m=0.8)
     small, large = (next(model.flights_m(pattern_for("trimmed", n), 1.0)) for n in (9, 9))
     assert (small == large).all()
@@ -375,7 +375,7 @@ def test_the_draws_are_the_same_for_every_plan(forest):
     assert np.abs(near_by - small).max() < 1e-8
 
 
-def test_the_sketch_of_a_noisy_stand_is_near_its_model(forest):
+def test_the_surrogate_of_a_noisy_stand_is_near_its_model(forest):
     table = correlogram(forest)
     for hold_error in (0.3, 1.5):
         model = MeasuredModel(forest, 50.0, hold_error_m=hold_error)

@@ -111,7 +111,7 @@ def test_scattered_positions_equal_the_sum_over_their_pairs(points, spacing):
 
 
 @pytest.mark.parametrize("spacing", [0.01, 0.9, 3.0, 12.0, 1000.0])
-def test_a_crowd_of_positions_equals_the_sum_over_its_pairs(spacing):
+def test_many_close_positions_equal_the_sum_over_their_pairs(spacing):
     points = scattered(80, seed=1)
     assert positions_shortfall(points, spacing) == near(
         exact_shortfall(points, spacing), rel=ACCURACY
@@ -223,7 +223,7 @@ def test_positions_outside_the_domain_give_nan():
     assert positions_shortfall(points, math.inf) == 1.0
 
 
-def test_a_spacing_far_below_every_distance_leaves_independent_samples():
+def test_samples_far_apart_compared_with_the_spacing_are_independent():
     for spacing in (1e-9, 1e-300, 5e-324):
         assert positions_shortfall([[0.0, 0.0], [1e7, 1.0]], spacing) == 0.5
 
@@ -266,7 +266,7 @@ def test_a_full_mask_is_a_grid():
 
 @pytest.mark.parametrize("counted", [offset_counts, counted_directly, counted_by_transform])
 @pytest.mark.parametrize(("rows", "columns"), [(1, 40), (40, 1), (17, 23), (64, 64), (3, 130)])
-def test_offsets_are_counted_alike_directly_and_by_a_transform(counted, rows, columns):
+def test_direct_counts_of_offsets_equal_counts_by_a_transform(counted, rows, columns):
     mask = masks(rows, columns, 0.4, seed=5)
     reaches = [(rows - 1, columns - 1), (rows // 2, columns // 3), (0, columns - 1), (rows - 1, 0)]
     sites = np.argwhere(mask)
@@ -289,7 +289,7 @@ def test_a_transform_of_a_large_lattice_counts_to_the_last_pair():
     assert np.array_equal(by_transform, by_transform[::-1, ::-1])
 
 
-def test_a_lattice_is_its_sites_as_positions():
+def test_a_lattice_equals_its_sites_given_as_positions():
     mask = masks(25, 31, 0.3, seed=9)
     sites = np.argwhere(mask)[:, ::-1]
     assert lattice_shortfall(mask, 0.13, 0.29) == near(

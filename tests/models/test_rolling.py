@@ -17,7 +17,7 @@ LONG_LINE = {"altitude": 40, "grid": "line", "allow_no_common_ground": True}
 """A line of 50 photos with a length of 137.2 m.  It is longer than an image, which is 27 m long."""
 
 
-def test_a_long_line_is_flown_past_its_integral():
+def test_a_line_may_be_longer_than_its_integral():
     plan = aosplan.plan(PlanRequest(**LONG_LINE, line_length=500, heading=90))
     b = plan.solution.baseline_m
     assert len(plan.waypoints) == math.floor(500 / b) + 1

@@ -27,7 +27,7 @@ def test_every_corner_is_within_a_few_ulps(part):
         assert row.ulps <= BOUND_ULPS, (key, row)
 
 
-def test_the_walk_reaches_the_corners_it_names():
+def test_the_stress_test_reaches_the_named_corners():
     corners = [
         check.corner for part in (stress.eq1, stress.eq2, stress.uniform) for check in part()
     ]
@@ -60,6 +60,6 @@ def test_layers_that_hide_nearly_all_keep_their_digits():
     assert exact.ulps(math.exp(logarithm), clear) > 20
 
 
-def test_a_rule_that_asks_for_all_gets_the_bottom_itself():
+def test_full_coverage_is_determined_by_the_bottom_of_the_volume():
     found = coverage_baseline([Slab(1e-6, 20.0, 0.2, 1.0)], 40.0, 750.0, 1.0)
     assert found.height_m == 1e-6

@@ -65,7 +65,7 @@ def test_errors_are_the_scatter_of_fields_of_blocks(block, cell):
     assert {error.method for error in errors} == {"integral range"}
 
 
-def test_where_a_plot_is_cut_out_of_its_copies_does_not_matter():
+def test_errors_do_not_depend_on_the_origin_of_a_periodic_plot():
     rng = np.random.default_rng(7)
     field = rng.random((12, 18)).repeat(4, axis=0).repeat(4, axis=1)
     here, there = of_targets(field), of_targets(np.roll(field, (5, 11), axis=(0, 1)))
@@ -180,7 +180,7 @@ def test_models_of_statistics_compare_quarters_of_a_cloud(stand, model):
         assert errors["density"] == pytest.approx(np.std(densities, ddof=1) / 2.0, rel=1e-9)
 
 
-def test_scenes_of_numbers_say_why_they_state_no_error():
+def test_scenes_given_by_numbers_explain_missing_standard_errors():
     for request in (
         PlanRequest(altitude=40),
         PlanRequest(altitude=40, model="layered"),
@@ -191,7 +191,7 @@ def test_scenes_of_numbers_say_why_they_state_no_error():
         assert visibility["uncertainty_reason"]
 
 
-def test_the_doubt_about_opacity_is_an_independent_error():
+def test_the_error_of_opacity_is_added_as_an_independent_error():
     rng = np.random.default_rng(2)
     # The standard deviation of a uniform distribution between two bounds.
     assert rng.uniform(0.0, 1.0, 200_000).std() == pytest.approx(UNIFORM, rel=0.01)

@@ -63,7 +63,7 @@ def test_the_drone_decides_the_autopilot(drone, autopilot):
         ),
     ],
 )
-def test_what_contradicts_itself_is_refused_with_a_remedy(values, words):
+def test_contradictory_aircraft_options_are_refused_with_a_remedy(values, words):
     with pytest.raises(RequestError, match=words) as caught:
         request(**values)
     assert caught.value.hint

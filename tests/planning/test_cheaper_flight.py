@@ -16,7 +16,7 @@ def flown(text, **values):
     return plan(PlanRequest(**values, **names))
 
 
-def test_the_cheaper_way_is_flown_in_the_time_that_it_says():
+def test_the_cheaper_flight_takes_the_time_in_its_hint():
     values = {"altitude": 40, "area": FIELD[1], "drone": "dji-m3t", "vhat": 0.9, "hold": 4}
     long = plan(PlanRequest(**values))
     (warning,) = [each for each in long.warnings if each.code == "cheaper_flight"]

@@ -47,12 +47,12 @@ def square(path, low, high):
 @pytest.mark.parametrize(
     "text", ["1,2,3", "1,2,3,nan", "3,2,1,4", "1,4,2,3", "1,2,1,4", "1,2,inf,4", "no.geojson"]
 )
-def test_what_is_no_rectangle_is_refused(text):
+def test_invalid_crop_rectangles_are_refused(text):
     with pytest.raises(RequestError):
         asked_crop(text, "")
 
 
-def test_a_rectangle_an_outline_or_everything(tmp_path):
+def test_a_crop_is_a_rectangle_an_outline_or_all(tmp_path):
     assert asked_crop("all", "") is None
     assert asked_crop(" 1, -2.5,3e3,4", "").bounds == (1.0, -2.5, 3000.0, 4.0)
     square(tmp_path / "a.geojson", 10.0, 40.0)
@@ -113,7 +113,7 @@ def test_scene_and_plan_read_the_crop(tile, folder, command):
     assert f"the {side_m:.0f} x {side_m:.0f} m around" in said["cropped_to_plan"]
 
 
-def test_a_crop_that_misses_is_one_line(tile, command):
+def test_a_crop_outside_the_cloud_gives_one_error_line(tile, command):
     check_refusal(*command("scene", str(tile), "--crop", "0,0,10,10"))
     check_refusal(*command("scene", str(tile), "--crop", "0,0,10"))
     check_refusal(*command("plan", "--altitude=30", "--crop=1,2,3,4"))

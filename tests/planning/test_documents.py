@@ -30,7 +30,7 @@ def plan_json():
 # Requests
 
 
-def test_a_request_file_holds_options(written):
+def test_a_request_file_contains_options(written):
     table = {"altitude": 40, "vhat": "98%", "origin": [48.3, 14.3], "samples": 60, "grid": "line"}
     request = request_from(read_request(written(table)))
     assert request == PlanRequest(
@@ -176,7 +176,7 @@ def test_schemas_are_valid(name):
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
-def test_schemas_refuse_what_is_no_such_document(name):
+def test_schemas_refuse_other_documents(name):
     validator = Draft202012Validator(json_schema(name))
     assert not validator.is_valid([])
     assert not validator.is_valid({"schema": 2, "nonsense": True})

@@ -41,26 +41,26 @@ def folder(tmp_path, monkeypatch):
     return place
 
 
-def test_of_a_request_file(folder, capsys):
+def test_drone_files_of_a_request_file_are_found_beside_it(folder, capsys):
     assert run(["plan", str(folder / "request.toml"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["flight"]["transit_mps"] == 6.5
     assert found["flight"]["autopilot"] == "px4"
 
 
-def test_of_the_users_defaults(folder, capsys, monkeypatch):
+def test_drone_files_of_the_defaults_are_found_beside_them(folder, capsys, monkeypatch):
     monkeypatch.setenv("AOSPLAN_DEFAULTS", str(folder / "request.toml"))
     assert run(["plan", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["flight"]["transit_mps"] == 6.5
 
 
-def test_of_a_sweep(folder):
+def test_drone_files_of_a_sweep_are_found_beside_it(folder):
     (folder / "sweep.toml").write_text('[sweep]\ndrone = ["ours.toml", "dji-m3t"]\naltitude = 40\n')
     assert run(["sweep", str(folder / "sweep.toml"), "--out", "rows.csv", "--quiet"]) == 0
     assert Path("rows.csv").read_text().count(",ok,") == 2
 
 
-def test_of_python(folder):
+def test_drone_files_given_in_python_are_found(folder):
     found = aosplan.plan(altitude=40, drone="ours.toml", folder=folder)
     assert found.settings.transit_mps == 6.5
     # A `Plan` has the folder of its files.

@@ -31,7 +31,7 @@ def on_plot(made):
 
 
 @pytest.mark.slow
-def test_the_prediction_is_what_the_leaves_show(guided):
+def test_the_prediction_of_guided_positions_agrees_with_known_leaves(guided):
     true = true_visibility(MIDDLE, RADIUS_M, on_plot(guided), ALTITUDE_M)
     assert guided.solution.prediction.expected == pytest.approx(true, abs=0.05)
     assert guided.guided.chosen_expected >= guided.solution.prediction.expected - 0.02
@@ -120,7 +120,7 @@ def test_the_number_of_positions_can_be_given_over_an_area(tmp_path):
         ({"scene": "dense-forest"}, "needs the voxels"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_a_hint(more, said):
+def test_contradictory_guided_options_are_refused_with_a_hint(more, said):
     with pytest.raises(AosplanError, match=said) as caught:
         plan(request(**more))
     assert caught.value.hint

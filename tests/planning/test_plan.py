@@ -52,7 +52,7 @@ def test_a_plan_is_frozen_and_the_same_every_time():
         planned().altitude_m = 3
 
 
-def test_a_sound_plan_has_no_warnings():
+def test_a_plan_without_faults_has_no_warnings():
     assert codes(planned()) == []
 
 
@@ -71,7 +71,7 @@ def number_after(text, words):
 
 
 @pytest.mark.parametrize("grid", GRIDS)
-def test_the_baseline_that_is_said_to_leave_common_ground_does(grid):
+def test_the_baseline_suggested_for_common_ground_gives_common_ground(grid):
     result = planned(samples=60, baseline=40, grid=grid)
     largest = number_after(message(result, "no_common_ground"), "baseline below ")
     assert min(planned(samples=60, baseline=0.999 * largest, grid=grid).common_footprint_m) > 0
@@ -79,7 +79,7 @@ def test_the_baseline_that_is_said_to_leave_common_ground_does(grid):
 
 
 @pytest.mark.parametrize("grid", GRIDS)
-def test_the_altitude_that_is_said_to_leave_common_ground_does(grid):
+def test_the_altitude_suggested_for_common_ground_gives_common_ground(grid):
     result = planned(samples=60, baseline=20, grid=grid)
     higher = number_after(message(result, "no_common_ground"), "above ")
     fixed = {"samples": 60, "baseline": 20, "grid": grid}
@@ -115,7 +115,7 @@ def test_an_occluder_smaller_than_a_pixel_is_warned_of_and_counts_as_one_pixel()
     assert result.document()["disparity"]["pixels"] == pytest.approx(1.0)
 
 
-def test_the_altitude_below_which_occluders_are_said_to_be_resolved_is_that():
+def test_occluders_are_resolved_below_the_altitude_in_the_warning():
     resolved = number_after(message(planned(altitude=300), "occluder_below_pixel"), "altitude of ")
     assert "occluder_below_pixel" not in codes(planned(altitude=0.999 * resolved))
     assert "occluder_below_pixel" in codes(planned(altitude=1.001 * resolved))
@@ -127,7 +127,7 @@ def test_neighbours_that_move_less_than_a_pixel_are_warned_of():
     assert result.document()["disparity"]["pixels"] < 1
 
 
-def test_the_baseline_that_is_said_to_be_a_pixel_is_one():
+def test_the_baseline_in_the_warning_gives_a_disparity_of_one_pixel():
     said = message(planned(baseline=0.3, samples=50), "disparity_below_pixel")
     smallest = number_after(said, "needs a baseline of ")
     wider = planned(baseline=1.001 * smallest, samples=50)
@@ -141,7 +141,7 @@ def test_a_single_photo_has_no_disparity_to_warn_of():
     assert "disparity_below_pixel" in codes(planned(baseline=0.01, samples=2, vhat=0.1))
 
 
-def test_a_longer_lens_resolves_what_advice_says_it_does():
+def test_the_focal_length_in_the_warning_resolves_occluders():
     short = {"focal_length": 9.1, "sensor_width": 7.68, "image_width": 640, "image_height": 512}
     fixed = {"altitude": 300, "baseline": 1, "samples": 9}
     assert "occluder_below_pixel" in codes(planned(**fixed, **short))
@@ -150,7 +150,7 @@ def test_a_longer_lens_resolves_what_advice_says_it_does():
 
 @pytest.mark.parametrize("grid", ["trimmed", "square", "line", "lanes"])
 @pytest.mark.parametrize("baseline", [1.0, 2.0, 5.0])
-def test_the_samples_that_are_said_to_reach_a_missed_target_do(grid, baseline):
+def test_the_samples_in_the_warning_reach_the_missed_target(grid, baseline):
     result = planned(samples=9, baseline=baseline, grid=grid)
     assert not result.solution.met
     enough = result.solution.samples_required
@@ -165,7 +165,7 @@ def test_one_sample_fewer_than_required_misses_the_target():
     assert not planned(samples=required - 1, baseline=2.0).solution.met
 
 
-def test_a_target_that_no_number_of_samples_reaches_is_said_to_be_that():
+def test_the_warning_names_a_target_that_no_number_of_samples_reaches():
     result = planned(samples=9, baseline=1e-6)
     assert result.solution.samples_required is None
     assert "no number of photos reaches it" in message(result, "target_missed")
@@ -191,7 +191,7 @@ def test_every_warning_has_a_code_and_one_line():
 
 
 @pytest.mark.parametrize("altitude", [0.1, 10.0, 20.0])
-def test_below_the_canopy_there_is_nothing_to_plan(altitude):
+def test_altitudes_below_the_canopy_are_refused(altitude):
     with pytest.raises(RequestError, match="is not above the canopy") as caught:
         planned(altitude=altitude)
     lowest = float(caught.value.hint.split()[1])
@@ -357,7 +357,7 @@ def test_layers_may_be_planned_with_the_uniform_model(layered_file):
     assert result.solution.pattern.samples == 50
 
 
-def test_the_layered_model_is_met_by_its_plan_and_missed_below_it(layered_file):
+def test_a_layered_plan_meets_its_target_and_a_smaller_baseline_misses_it(layered_file):
     result = planned(scene=str(layered_file))
     pattern, baseline = result.solution.pattern, result.solution.baseline_m
     fixed = {"scene": str(layered_file), "samples": pattern.samples}
@@ -413,7 +413,7 @@ def test_absurd_layers_are_planned_or_refused(tmp_path, change, model):
     json.dumps(result.document(), allow_nan=False)
 
 
-def test_what_cannot_be_met_says_what_can():
+def test_the_error_for_an_unreachable_target_gives_the_reachable_value():
     with pytest.raises(InfeasibleError) as caught:
         planned(max_samples=20)
     assert "at least 50 samples" in caught.value.message

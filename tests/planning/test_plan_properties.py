@@ -150,7 +150,7 @@ def test_scaling_every_length_scales_the_baseline_and_nothing_else(scene, option
 
 @settings(max_examples=20)
 @given(scene=scenes, options=bounds)
-def test_a_plan_that_is_evaluated_again_meets_its_requirement(scene, options):
+def test_evaluating_a_plan_again_meets_its_requirement(scene, options):
     assume(scene["volume_height"] / scene["occluder_size"] < 40)
     solved = plan(PlanRequest(**scene, **options))
     assert solved.solution.met
@@ -204,7 +204,7 @@ def test_wider_baselines_never_need_more_samples(vhat, grid):
 
 
 @given(coverage=st.floats(0.01, 1.0))
-def test_more_coverage_never_asks_for_a_smaller_baseline(coverage):
+def test_a_larger_coverage_never_reduces_the_baseline(coverage):
     whole = planned(coverage=1.0).solution.baseline_m
     part = planned(coverage=coverage).solution.baseline_m
     assert part <= whole * (1 + 1e-12)

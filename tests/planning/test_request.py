@@ -200,7 +200,7 @@ def test_an_incomplete_camera_has_a_hint(values):
     assert refusal(**values).hint
 
 
-def test_a_uniform_scene_stands_two_metres_up_unless_given():
+def test_the_default_base_of_a_uniform_scene_is_two_metres():
     assert PlanRequest(altitude=40, **UNIFORM).volume_base == 2.0
     assert PlanRequest(altitude=40, **UNIFORM, volume_base=0).volume_base == 0.0
 
@@ -209,12 +209,12 @@ def test_the_base_that_was_assumed_is_in_the_document():
     assert PlanRequest(altitude=40, **UNIFORM).document()["volume_base"] == 2.0
 
 
-def test_a_uniform_scene_leaves_no_preset_behind():
+def test_a_uniform_scene_removes_the_preset_scene():
     assert PlanRequest(altitude=40, **UNIFORM).scene is None
 
 
 @pytest.mark.parametrize("values", [LENS, FOV, LENS | {"sensor_height": 6.1}])
-def test_a_camera_in_numbers_leaves_no_preset_behind(values):
+def test_a_camera_given_by_numbers_removes_the_preset_camera(values):
     assert PlanRequest(altitude=40, **values).camera is None
 
 
@@ -223,7 +223,7 @@ def test_a_field_of_view_stays_below_180(fov):
     assert "fov" in refusal(altitude=40, **(FOV | {"fov": fov})).message
 
 
-def test_a_visibility_leaves_no_vhat_behind():
+def test_a_visibility_removes_the_default_vhat():
     request = PlanRequest(altitude=40, visibility=0.5)
     assert request.vhat is None
     assert request.visibility == 0.5
@@ -353,7 +353,7 @@ def test_a_flag_that_was_not_given_leaves_the_file_alone():
         ({"altitude": 40, **LENS}, {"fov": 60}, ("focal_length", "sensor_width")),
     ],
 )
-def test_a_flag_drops_what_it_contradicts_in_the_file(file, flags, gone):
+def test_a_flag_removes_contradicting_options_of_the_file(file, flags, gone):
     request = request_from(file, overrides=flags)
     document = request.document()
     assert not set(gone) & set(document)

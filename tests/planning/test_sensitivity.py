@@ -54,7 +54,7 @@ def test_a_uniform_volume_is_changed_number_by_number(model, target):
             check(found[quantity, factor], planned, options | scaled)
 
 
-def test_a_given_density_stays_but_where_it_is_changed():
+def test_a_given_density_is_kept_unless_density_is_changed():
     planned, found = changes(
         altitude=40, integrated_density=0.5, occluder_size=0.2, volume_height=15
     )
@@ -125,7 +125,7 @@ def forest():
     return clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5)
 
 
-def test_sizes_and_heights_of_voxels_are_altitudes(forest):
+def test_changes_of_size_and_height_of_voxels_are_changes_of_altitude(forest):
     # A plot of twice the width, in which each voxel is replaced by four, and a plot of twice the
     # height.
     pattern = Pattern(4, 3)

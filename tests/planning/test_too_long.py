@@ -37,7 +37,7 @@ def test_each_remedy_of_a_long_line_is_enough_by_its_number():
     assert plan(PlanRequest(**(LINE | {"trigger": "stop"}))).route.flights
 
 
-def test_the_ways_there_and_back_have_their_share():
+def test_the_hint_for_a_long_line_gives_the_transit_time():
     error = refused(takeoff=(48.31, 14.3))
     minutes, level, speed = map(
         float,
@@ -53,7 +53,7 @@ def test_the_ways_there_and_back_have_their_share():
     assert minutes * 60.0 <= 2.0 * (level / speed + speed / 2.0 + 60.0 / 6.0 + 3.0)
 
 
-def test_over_an_area_within_a_time_the_reason_is_told():
+def test_an_area_beyond_the_flight_time_gives_the_reason():
     values = {"altitude": 60.0, "drone": "dji-m3t", "trigger": "distance", "area": FIELD[1]}
     with pytest.raises(InfeasibleError) as caught:
         plan(PlanRequest(**values, within=60.0, flight_time=1.0))

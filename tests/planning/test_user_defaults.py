@@ -94,7 +94,7 @@ def test_a_plan_is_one_short_line(mine, request_of):
     assert (found["hold"], found["speed"]) == (2, DRONES["dji-m30t"].speed_mps)
 
 
-def test_what_is_named_counts_before_the_usual_place(mine, folder, request_of, monkeypatch):
+def test_a_named_defaults_file_is_used_before_the_usual_one(mine, folder, request_of, monkeypatch):
     (folder / "a.toml").write_text("altitude = 31\n")
     (folder / "b.toml").write_text("altitude = 32\n")
     monkeypatch.setenv("AOSPLAN_DEFAULTS", "a.toml")
@@ -170,7 +170,7 @@ def test_an_earlier_result_takes_nothing_from_the_defaults(mine, folder, capsys,
     assert json.loads(capsys.readouterr().out) == first
 
 
-def test_what_means_nothing_here_is_left_out(folder, request_of):
+def test_defaults_that_do_not_apply_are_left_out(folder, request_of):
     (folder / "d.toml").write_text(
         'altitude = 50\ntakeoff = [48, 14]\nterrain = "none.tif"\nterrain_tolerance = 2\n'
         "exposure_time = 0.02\nmax_blur = 2\nlanes = 4\nlane_pitch = 3\n"
@@ -222,7 +222,7 @@ def test_a_folder_in_place_of_a_file_is_refused(folder, capsys):
 # Cost
 
 
-def test_without_a_file_it_costs_one_look(folder):
+def test_without_a_defaults_file_only_one_path_is_checked(folder):
     code = (
         "import sys\n"
         "looks = []\n"

@@ -25,7 +25,7 @@ def over_field():
     return searched(area=FIELD[1], within=10.0, altitude="40..80")
 
 
-def test_it_lands_within_the_time_and_says_what_half_and_twice_of_it_give(over_field):
+def test_a_search_keeps_the_time_and_reports_half_and_twice_the_time(over_field):
     half, this, double = over_field.within.rows
     assert over_field.route.total_time_s == pytest.approx(this.timed.time_s)
     assert this.timed.time_s <= 600.0
@@ -39,7 +39,7 @@ def test_the_time_is_used(over_field):
     assert over_field.route.total_time_s > 0.85 * 600.0
 
 
-def test_it_looks_at_few_flights(over_field):
+def test_a_search_lays_out_few_flights(over_field):
     assert over_field.within.laid_out <= 20
     assert over_field.within.predicted < 400
 
@@ -52,7 +52,7 @@ def test_the_document_runs_again_to_the_same_plan(over_field):
     assert again.document() == document
 
 
-def test_nothing_is_left_open_in_what_is_flown(over_field):
+def test_the_plan_of_a_search_has_values_for_all_options(over_field):
     request = over_field.request
     assert not request.searches
     assert plan(request).waypoints == over_field.waypoints
@@ -99,7 +99,7 @@ def test_of_nearly_equal_flights_the_shorter_is_flown():
     assert easy.route.total_time_s < 600.0
 
 
-def test_without_a_time_it_ends_when_more_gains_little():
+def test_without_a_time_the_search_ends_when_more_time_gains_little():
     found = plan(PlanRequest(altitude=60, optimize="detection", drone="dji-m3t"))
     _, this, double = found.within.rows
     assert double.value <= this.value + 0.006
@@ -150,7 +150,7 @@ def test_too_little_time_is_refused_with_how_much_is_enough():
     assert searched(within=minutes).route.total_time_s <= 60.0 * minutes
 
 
-def test_an_unknown_rate_of_photos_is_assumed_aloud():
+def test_an_assumed_photo_interval_gives_a_notice():
     found = plan(PlanRequest(altitude=40, optimize="detection", within=1.0, grid="line"))
     assert "photo_interval_assumed" in {warning.code for warning in found.warnings}
 

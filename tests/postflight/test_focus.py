@@ -69,7 +69,7 @@ def test_a_parabola_has_its_vertex():
     assert vertex(places, -((places - 2.3) ** 2)) == pytest.approx(2.3)
 
 
-def test_growth_and_turn_are_told_from_the_rest():
+def test_growth_and_rotation_are_separated_from_the_rest():
     rng = np.random.default_rng(3)
     positions = rng.normal(0, 5, (30, 2)) + 100.0
     x, y = (positions - positions.mean(axis=0)).T
@@ -142,7 +142,7 @@ def test_the_ground_is_found_below_cameras_at_any_height(folder, sea_m):
     assert not found.at_end
 
 
-def test_what_is_the_same_in_all_images_is_left_out(folder):
+def test_detail_common_to_all_images_is_left_out(folder):
     views = [(nadir_to(15.0), np.array([*site, 40.0])) for site in SITES]
     fixed = np.random.default_rng(9).integers(0, 255, (120, 160)).astype(np.uint8)
     recording = Recording(*write_recording(folder, views, [fixed] * 25))
@@ -173,7 +173,7 @@ def test_yaw_and_height_are_found_where_positions_are_true(folder):
     assert not found.correction.shifts_m.any()
 
 
-def test_positions_come_back_but_for_what_nothing_tells(folder):
+def test_positions_are_recovered_except_for_undetermined_components(folder):
     noise = fly(folder, yaw_bias=3.0, height_error=2.0, off_m=0.5)
     recording = Recording("photos")
     found = find_focus(recording, np.arange(25), align="positions")
@@ -313,7 +313,7 @@ def test_wrong_focuses_are_refused(command, folder, recording_paths, arguments, 
     assert not (folder / "x.png").exists()
 
 
-def test_views_of_nothing_have_no_focus(command, folder):
+def test_views_without_detail_have_no_focus(command, folder):
     views = [(nadir_to(0.0), np.array([*site, 40.0])) for site in SITES]
     rng = np.random.default_rng(7)
     images = [rng.integers(0, 255, (120, 160)).astype(np.uint8) for _ in views]

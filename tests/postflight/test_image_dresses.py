@@ -63,7 +63,7 @@ def test_16_bits_of_a_png_keep_their_bits_or_are_refused(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("kind", [np.uint32, np.int32, np.uint16, np.float32])
-def test_grey_values_do_not_wrap(tmp_path, kind):
+def test_grey_values_do_not_overflow(tmp_path, kind):
     values = np.full((5, 7), 3e9 if kind is np.uint32 else 30_000, kind)
     tifffile.imwrite(tmp_path / "a.tif", values)
     assert np.array_equal(bands(tmp_path / "a.tif")[0][..., 0], values.astype(np.float32))

@@ -163,11 +163,11 @@ def test_what_no_view_sees_is_nan_and_uncovered(tmp_path):
     ("text", "views", "expected"),
     [("10%", 49, 5), ("10%", 5, 1), ("0%", 5, 1), ("100%", 7, 7), ("3", 7, 3), ("10%", 50, 5)],
 )
-def test_the_fewest_views_of_a_pixel(text, views, expected):
+def test_the_smallest_number_of_views_is_a_number_or_a_share(text, views, expected):
     assert least_views(text, views) == expected
 
 
-def test_the_horizon_does_not_come_back_from_behind(tmp_path):
+def test_points_behind_the_camera_are_not_visible(tmp_path):
     # If the camera is tilted by 75 degrees, part of the image is sky.
     view = nadir_to(0.0, 75.0), np.array([0.0, 0.0, 10.0])
     _, y, ahead = on_plane(*view)
@@ -180,7 +180,7 @@ def test_the_horizon_does_not_come_back_from_behind(tmp_path):
     assert (np.sign(seen_y) == np.sign(np.median(y[ahead]))).all()
 
 
-def test_a_coarse_raster_averages_what_it_passes_over(tmp_path):
+def test_a_coarse_raster_averages_all_pixels_of_the_image(tmp_path):
     stripes = np.zeros((HEIGHT, WIDTH), np.float32)
     stripes[:, ::2] = 100.0
     view = nadir_to(0.0), np.array([0.0, 0.0, 30.0])
@@ -322,7 +322,7 @@ def test_the_rotation_of_a_quaternion_is_scipys(tmp_path):
         assert view.position == pytest.approx(position, abs=1e-9)
 
 
-def test_either_file_of_a_reconstruction_will_do(tmp_path):
+def test_either_file_of_a_colmap_reconstruction_is_accepted(tmp_path):
     views = list(sites(2))
     folder, _ = write_colmap(tmp_path, views, [photo(*view) for view in views], [PINHOLE])
     for path in (folder, f"{folder}/images.txt", f"{folder}/cameras.txt"):
@@ -404,7 +404,7 @@ def test_values_that_are_not_finite_do_not_count(tmp_path):
 
 
 @pytest.mark.parametrize("k1", ["", "-0.1"])
-def test_a_view_of_nothing_is_counted_as_blind(tmp_path, k1):
+def test_a_view_outside_the_raster_is_counted_as_blind(tmp_path, k1):
     model = "SIMPLE_RADIAL" if k1 else "SIMPLE_PINHOLE"
     camera = f"1 {model} {WIDTH} {HEIGHT} {FOCAL} {WIDTH / 2} {HEIGHT / 2} {k1}"
     views = [(nadir_to(0.0), np.array([x, 0.0, 30.0])) for x in (0.0, 500.0)]

@@ -167,7 +167,7 @@ def test_colours_stay_colours(command, folder):
         assert raster.crs is None
 
 
-def test_16_bits_are_stretched_for_the_eye_and_kept_for_the_computer(command, folder):
+def test_16_bit_values_are_stretched_in_png_and_kept_in_tiff(command, folder):
     views = list(sites(4))
     images = [(photo(*view) * 20 + 7000).astype(np.uint16) for view in views]
     paths = write_recording(folder, views, images)
@@ -214,7 +214,7 @@ def test_the_summary_names_what_was_done(command, recorded):
     assert command(*recorded, "--out", "i.png", "--quiet", "--force") == (0, "", "")
 
 
-def test_take_off_among_the_views_is_noticed(command, folder):
+def test_views_during_takeoff_give_a_warning(command, folder):
     views = [(nadir_to(0.0), np.array([0.0, 0.0, z])) for z in (2.0, 30.0, 31.0)]
     paths = write_recording(folder, views, [photo(*view) for view in views])
     _, _, err = command(*paths, "--out", "i.png", "--gsd", "0.1")
@@ -404,7 +404,7 @@ def test_images_of_colmap_that_do_not_fit_are_named(command, folder, line, part)
     assert part in refused(command, *paths, "--out", "i.png")
 
 
-def test_what_is_no_recording_at_all(command, folder, recorded):
+def test_files_that_are_not_recordings_are_refused(command, folder, recorded):
     (folder / "empty").mkdir()
     (folder / "binary").mkdir()
     (folder / "binary" / "images.bin").write_bytes(b"\0")

@@ -70,7 +70,7 @@ def test_a_folder_of_photos_is_the_plane_that_they_show(folder):
 
 
 @pytest.mark.parametrize("dialect", ["AUTEL", "PARROT", "PIX4D", "SKYDIO"])
-def test_other_makers_say_the_same(folder, dialect):
+def test_metadata_of_other_manufacturers_give_the_same_poses(folder, dialect):
     poses = fly(folder / "photos", xmp=getattr(flown, dialect))
     tags = [read_metadata(str(path)) for path in sorted((folder / "photos").iterdir())]
     for tag, (position, angles) in zip(tags, poses, strict=True):
@@ -80,7 +80,7 @@ def test_other_makers_say_the_same(folder, dialect):
             assert tag.relative_altitude_m == pytest.approx(position[2])
 
 
-def test_focal_lengths_in_the_order_of_trust(folder):
+def test_focal_lengths_come_from_the_first_available_source(folder):
     xmp = flown.PARROT
     rational = {37386: 4.5, 41486: 2000.0 / 6.0, 41487: 2000.0 / 6.0, 41488: 4, 41989: 24}
     for name, exif, expected in [
@@ -100,7 +100,7 @@ def test_focal_lengths_in_the_order_of_trust(folder):
     assert read_metadata(str(folder / "e.jpg")).lens_px is None
 
 
-def test_fixed_rtk_heights_take_the_place_of_the_barometer(folder):
+def test_fixed_rtk_heights_replace_barometric_heights(folder):
     fly(folder / "photos", more='drone-dji:RtkFlag="50"', count=4)
     found = read(folder / "photos")
     assert found.sigma_m < 0.1
@@ -193,7 +193,7 @@ def test_images_may_be_the_photos_scaled(folder):
 # Missing data in photos
 
 
-def test_a_plan_gives_what_the_photos_lack(command, folder):
+def test_a_plan_supplies_values_that_photos_do_not_have(command, folder):
     poses = [(np.array([x, 0.0, 30.0]), (40.0, -90.0, 0.0)) for x in (-2.0, 0.0, 2.0)]
     (folder / "photos").mkdir()
     for index, pose in enumerate(poses):
@@ -378,7 +378,7 @@ def test_a_png_is_a_photo_if_it_has_a_position(folder):
     assert [view.position[2] for view in found.views] == pytest.approx([p[2] for p, _ in poses])
 
 
-def test_copies_count_once(command, folder):
+def test_copies_of_a_photo_are_used_once(command, folder):
     fly(folder / "photos", count=4)
     content = (folder / "photos" / "DJI_0001.jpg").read_bytes()
     (folder / "photos" / "DJI_0001 (1).jpg").write_bytes(content)

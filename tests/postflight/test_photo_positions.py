@@ -123,7 +123,7 @@ def test_a_negative_angle_has_to_agree_with_its_hemisphere():
         photo_positions.degrees_of({1: "N", 2: (-33.0, 30.0, 0.0)}, 1, "NS")
 
 
-def test_seconds_of_nothing_are_none_if_minutes_have_decimals(tmp_path):
+def test_seconds_of_0_over_0_are_ignored_if_minutes_have_decimals(tmp_path):
     from PIL.TiffImagePlugin import IFDRational
 
     nothing = IFDRational(0, 0)

@@ -177,7 +177,7 @@ def test_broken_files_are_refused_at_their_place(tmp_path, name):
 
 
 @pytest.mark.parametrize("suffix", [".waypoints", ".plan", ".geojson", ".csv"])
-def test_bytes_that_are_no_text_are_refused(tmp_path, suffix):
+def test_bytes_that_are_not_text_are_refused(tmp_path, suffix):
     path = tmp_path / f"noise{suffix}"
     path.write_bytes(bytes(range(256)) * 4)
     with pytest.raises(AosplanError):

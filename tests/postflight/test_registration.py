@@ -17,7 +17,7 @@ def sites_of(samples, kind="trimmed"):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_missing_noisy_and_stray_photos_move_nothing(seed):
+def test_missing_noisy_and_stray_photos_do_not_change_the_registration(seed):
     source = np.random.default_rng(seed)
     sites = sites_of(int(source.integers(30, 90)))
     flown = source.random(len(sites)) < 0.7
@@ -43,7 +43,7 @@ def test_the_middle_of_the_photos_would_be_off_by_half_of_what_is_missing():
 
 
 @pytest.mark.parametrize("kind", ["rectangle", "line", "lanes"])
-def test_a_flight_that_broke_off_is_laid_on_the_first_sites(kind):
+def test_an_interrupted_flight_is_matched_to_the_first_sites(kind):
     sites = sites_of(40, kind)
     flown = len(sites) // 2
     found = registered(sites, sites[:flown] + OFFSET_M, 0.5 * PITCH_M)
@@ -71,7 +71,7 @@ def test_of_whole_lines_all_shifts_are_compared_with_enumeration():
         assert (off < 0.5 * PITCH_M).any(axis=1).sum() >= max(matches)
 
 
-def test_one_photo_lies_on_the_first_site():
+def test_one_photo_is_matched_to_the_first_site():
     sites = sites_of(9)
     found = registered(sites, OFFSET_M[np.newaxis], 0.5 * PITCH_M)
     assert found.offset_m + sites[0] == pytest.approx(OFFSET_M)
@@ -84,6 +84,6 @@ def test_a_single_site_takes_the_place_of_most_photos():
     assert np.abs(found.offset_m - (50.1, 0.0)).max() < 0.2
 
 
-def test_of_too_many_pairs_nothing_is_said():
+def test_too_many_pairs_give_no_registration():
     many = np.zeros((MOST_PAIRS // 1000 + 1, 2))
     assert registered(many, np.zeros((1000, 2)), 1.0) is None

@@ -127,7 +127,7 @@ def test_photos_elsewhere_belong_to_no_site(tmp_path):
     assert [code for code, _ in found.warnings] == ["photos_aside"]
 
 
-def test_two_photos_of_one_site_do_not_stand_for_two(tmp_path):
+def test_two_photos_of_one_site_count_as_one_sample(tmp_path):
     request = PlanRequest(altitude=40)
     sites = sites_of(plan(request))
     sites[1] = sites[0]
@@ -308,19 +308,19 @@ def test_a_hundred_thousand_positions_are_matched_without_a_prediction(tmp_path)
     assert [code for code, _ in found.warnings][-1] == "too_many_views"
 
 
-def test_all_at_one_place_share_everything(tmp_path):
+def test_photos_at_one_place_share_all_occluders(tmp_path):
     found = reviewed(tmp_path / "f.csv", [(1.4, 1.4)] * 300, PlanRequest(altitude=40))
     assert found.flown.shortfall == pytest.approx(1.0, rel=1e-12)
 
 
-def test_photos_of_another_plan_are_told(tmp_path):
+def test_photos_far_from_all_sites_give_a_warning(tmp_path):
     found = reviewed(tmp_path / "f.csv", [(1e8, 0.0), (1e8, 5.0)], PlanRequest(altitude=40))
     assert (len(found.missing), found.flown) == (50, None)
     assert tuple(found.completed) == pytest.approx(tuple(found.plan.solution.prediction), rel=1e-9)
     assert "no_photo_at_any_site" in [code for code, _ in found.warnings]
 
 
-def test_nothing_hidden_is_seen_by_any_photo(tmp_path):
+def test_a_scene_without_occluders_is_fully_visible_in_a_review(tmp_path):
     request = PlanRequest(altitude=40, density=0.0, occluder_size=0.2, volume_height=10)
     found = reviewed(tmp_path / "f.csv", [(0.3, 0.2)], request)
     assert (found.missing, found.flown.density) == ([], 0.0)
@@ -366,7 +366,7 @@ def test_an_empty_folder_is_an_error(tmp_path, command, name_of_command):
     assert "0 photos were read" in err
 
 
-def test_names_that_are_no_unicode_are_printed(tmp_path, command):
+def test_names_that_are_not_unicode_are_printed(tmp_path, command):
     photo = pytest.importorskip("support.geotagged").photo
     (tmp_path / "photos").mkdir()
     photo(tmp_path / "photos" / "far\nout.jpg", 48.001, 14.0)

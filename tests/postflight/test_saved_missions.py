@@ -63,7 +63,7 @@ def test_a_route_without_photos_is_all_of_its_waypoints(tmp_path):
         ),
     ],
 )
-def test_routes_that_are_none_are_refused(tmp_path, waylines, words):
+def test_invalid_routes_are_refused(tmp_path, waylines, words):
     with pytest.raises(RequestError) as caught:
         read_places(kmz(tmp_path, waylines))
     assert words in caught.value.message
@@ -81,7 +81,7 @@ def test_an_archive_without_a_route_is_refused(tmp_path):
     ("name", "ending"),
     [("kmz", ".kmz"), ("plan", ".plan"), ("waypoints", ".waypoints"), ("litchi", ".csv")],
 )
-def test_a_mission_becomes_a_map(tmp_path, capsys, name, ending):
+def test_a_mission_file_is_exported_as_a_map(tmp_path, capsys, name, ending):
     mission = grid(9)
     path = tmp_path / f"m{ending}"
     path.write_bytes(written(mission, name))

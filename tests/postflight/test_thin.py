@@ -64,7 +64,7 @@ def test_choices_are_near_the_best_of_all_choices(seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_no_single_exchange_betters_a_choice(seed):
+def test_no_single_exchange_improves_a_choice(seed):
     rng = np.random.default_rng(seed)
     shared = correlations(rng.uniform(0.0, 8.0, (30, 2)), triangles(4.0))
     chosen = exchanged(shared, fewest_shared(shared, 9))
@@ -342,7 +342,7 @@ def test_wrong_requests_are_one_clear_error(recording, capsys, extra, words):
     assert words in err
 
 
-def test_a_choice_of_views_tells_what_it_finds(tmp_path):
+def test_thin_reports_the_detection_with_the_chosen_views(tmp_path):
     places = [(2.0 * x, 2.0 * y) for x in range(6) for y in range(6)]
     path = tmp_path / "flown.csv"
     path.write_text("east_m,north_m\n" + "".join(f"{x},{y}\n" for x, y in places))

@@ -82,7 +82,7 @@ def test_a_cloud_is_read_once_and_is_the_same_afterwards(place, cloud, readings,
     assert same(second, without)
 
 
-def test_a_plan_is_the_same_with_and_without(place, cloud, monkeypatch):
+def test_a_plan_is_the_same_with_and_without_the_cache(place, cloud, monkeypatch):
     wanted = PlanRequest(altitude=40, scene=str(cloud), vhat=0.5)
     documents = [plan(wanted).document() for _ in range(2)]
     monkeypatch.setenv("AOSPLAN_CACHE", "0")
@@ -189,14 +189,14 @@ def test_an_entry_that_would_fill_the_cache_is_not_kept(place, cloud, monkeypatc
     assert not resolved(cloud).from_cache
 
 
-def test_a_cache_that_cannot_be_written_is_done_without(tmp_path, cloud, monkeypatch):
+def test_an_unwritable_cache_is_ignored(tmp_path, cloud, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("AOSPLAN_CACHE", str(tmp_path / "file"))
     assert not resolved(cloud).from_cache
     assert not resolved(cloud).from_cache
 
 
-def test_a_missing_cloud_is_an_error_as_ever(place, tmp_path):
+def test_a_missing_cloud_is_an_error_with_the_cache_too(place, tmp_path):
     with pytest.raises(RequestError, match="does not exist"):
         resolved(tmp_path / "none.laz")
     assert not place.exists()

@@ -104,7 +104,7 @@ def test_a_layered_scene_file_is_a_layered_scene(written):
     assert scene.integrated_density == pytest.approx(1 - 0.9**2, rel=1e-12)
 
 
-def test_whole_numbers_do_for_metres(written):
+def test_whole_numbers_are_accepted_for_metres(written):
     assert read_scene(written(UNIFORM | {"volume_base_m": 2})).volume_base_m == 2.0
 
 
@@ -209,7 +209,7 @@ SEEDS = [UNIFORM, LAYERED, LAYERED | {"correlogram": RELATIONS, "density_by_offs
 
 
 @given(st.data())
-def test_what_is_sound_at_first_sight_is_sound_to_pydantic_too(data):
+def test_tables_accepted_by_is_sound_are_valid_for_pydantic(data):
     table = json.loads(json.dumps(data.draw(st.sampled_from(SEEDS))))
     for _ in range(data.draw(st.integers(0, 2))):
         inner = [table, *table.get("layers", [])[:1], table.get("correlogram", table)]
@@ -227,6 +227,6 @@ def test_what_is_sound_at_first_sight_is_sound_to_pydantic_too(data):
 
 
 @pytest.mark.parametrize("table", SEEDS)
-def test_plain_scene_files_are_sound_at_first_sight(table):
+def test_plain_scene_files_are_accepted_by_is_sound(table):
     assert is_sound(table)
     assert not is_sound(table | {"titel": "x"})

@@ -142,7 +142,7 @@ def test_cells_in_feet_become_metres_and_that_is_said(raster):
     assert volume.occupied.shape[1:] == (40, 60)
 
 
-def test_holes_are_open_ground_and_that_is_said_with_both_densities(raster):
+def test_cells_without_data_are_open_ground_with_a_warning(raster):
     heights = trees()
     heights[:, :30] = -9999.0
     heights[0, 40] = np.nan
@@ -262,7 +262,7 @@ def test_too_many_voxels_are_refused_with_a_size_that_does(raster, voxel):
 
 
 @pytest.mark.parametrize("content", [b"", b"II", b"ply\n", b"II*\0" + b"\xff" * 60, b"MM\0*"])
-def test_what_is_no_geotiff_is_named(tmp_path, content):
+def test_files_that_are_not_geotiff_are_refused_by_name(tmp_path, content):
     path = tmp_path / "a.tif"
     path.write_bytes(content)
     refusal(path)
@@ -335,7 +335,7 @@ def test_one_canopy_in_every_unit_reads_the_same(raster, crs, unit, given, up):
     assert warned(volume) == expected + ["heights_converted"] * (not given and up != 1.0)
 
 
-def test_heights_without_a_unit_beside_feet_are_asked_for(raster):
+def test_heights_without_a_unit_are_refused_if_x_and_y_are_in_feet(raster):
     with pytest.raises(RequestError, match="does not state the unit of its heights") as caught:
         read_canopy(raster(trees(), transform=IN_FEET, crs="EPSG:2227"))
     assert "--units" in caught.value.hint

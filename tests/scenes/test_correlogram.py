@@ -59,13 +59,13 @@ def assert_stands_in(volume):
         for name in STANDS
     ],
 )
-def test_it_stands_in_for_generated_forests(name):
+def test_the_correlogram_approximates_predictions_for_generated_forests(name):
     assert_stands_in(clumped_forest(STANDS[name]))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "voxel_m"), [("UAS_Clip", 0.25), ("pine_plot", 0.1)])
-def test_it_stands_in_for_real_stands(name, voxel_m):
+def test_the_correlogram_approximates_predictions_for_real_stands(name, voxel_m):
     pytest.importorskip("laspy")
     pytest.importorskip("CSF")
     path = DATA / f"{name}.laz"

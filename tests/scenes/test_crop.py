@@ -32,7 +32,7 @@ def cloud(path, *, metre=1.0, crs="EPSG:32633", size=60.0, east=EAST, **given):
     return path, x, y
 
 
-def test_a_crop_is_what_a_cloud_of_its_points_alone_is(tmp_path):
+def test_a_crop_equals_a_cloud_of_only_its_points(tmp_path):
     path, x, y = cloud(tmp_path / "whole.las")
     inside = (x >= 10.0) & (x <= 40.0) & (y >= 20.0) & (y <= 50.0)
     cut = read_voxels(path, crop=Crop((EAST + 10.0, NORTH + 20.0, EAST + 40.0, NORTH + 50.0)))
@@ -101,7 +101,7 @@ def test_tiles_that_a_crop_does_not_meet_are_not_read(tmp_path, monkeypatch):
     np.testing.assert_array_equal(both.occupied, alone.occupied)
 
 
-def test_a_header_that_lies_about_its_bounds_loses_no_point(tmp_path):
+def test_wrong_bounds_in_a_header_lose_no_points(tmp_path):
     import struct
 
     path, _, _ = cloud(tmp_path / "a.las")

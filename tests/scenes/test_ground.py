@@ -98,7 +98,7 @@ def test_lowest_keeps_the_lowest_point_of_each_cell_with_its_place(seed, pieces)
         assert (z, x, y) in members
 
 
-def test_heights_are_told_from_elevations():
+def test_heights_and_elevations_are_distinguished():
     rng = np.random.default_rng(3)
     size = np.array([40.0, 40.0])
     low = np.stack([*rng.uniform(0.0, 40.0, (2, 3000)), rng.uniform(-0.1, 0.1, 3000)])
@@ -108,7 +108,7 @@ def test_heights_are_told_from_elevations():
     assert not is_level_zero(sloping, size, 0.0)
 
 
-def test_a_few_cells_without_ground_do_not_unmake_heights():
+def test_a_few_cells_without_ground_do_not_change_the_detection_of_heights():
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(40) + 0.5, np.arange(40) + 0.5))
     low = np.stack([x, y, np.where((x < 5.0) & (y < 20.0), 12.0, 0.0)])
     assert is_level_zero(low, np.array([40.0, 40.0]), 0.0)
@@ -171,7 +171,7 @@ def test_the_filter_copes_with_a_plot_that_is_mostly_empty(grove):
     assert {True, False} == set((found[0] > 150.0).tolist())
 
 
-def test_the_filter_says_nothing_and_leaves_nothing(grove, capfd, tmp_path, monkeypatch):
+def test_the_filter_prints_nothing_and_leaves_no_files(grove, capfd, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     filtered(*grove)
     print("after")
@@ -179,7 +179,7 @@ def test_the_filter_says_nothing_and_leaves_nothing(grove, capfd, tmp_path, monk
     assert os.listdir(tmp_path) == []
 
 
-def test_the_filter_does_without_a_stdout(grove, monkeypatch):
+def test_the_filter_works_without_a_stdout(grove, monkeypatch):
     def closed(descriptor):
         raise OSError(9, "Bad file descriptor")
 

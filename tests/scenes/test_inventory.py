@@ -60,14 +60,14 @@ def thrown(seed, *, stems_per_hectare, crown_diameter_m, leaf_area_index, **leng
         (4, {"volume_height_m": 3.0, "crown_diameter_m": 8.0, "stems_per_hectare": 80.0}),
     ],
 )
-def test_random_crowns_hide_what_the_scene_says(seed, change):
+def test_random_crowns_hide_the_share_of_the_inventory_scene(seed, change):
     share, error = thrown(seed, **(STAND | change))
     assert error < 0.01
     assert scene(**change).integrated_density == pytest.approx(share, abs=4.0 * error)
 
 
 @pytest.mark.parametrize("depth", [0.0, 1e-9, 0.03, 0.5, 0.999, 1.0, 1.001, 3.0, 40.0, 1e4])
-def test_what_a_crown_stops_is_its_integral(depth):
+def test_the_absorption_of_a_crown_equals_its_integral(depth):
     with mpmath.workdps(40):
         passed = mpmath.quad(
             lambda w: 2 * w * mpmath.exp(-mpmath.mpf(depth) * w), [0, min(1, 30 / (depth + 1)), 1]

@@ -28,7 +28,7 @@ def test_the_coefficients_are_those_of_scipy(data, count, columns):
     assert np.allclose(found, theirs(between), rtol=1e-9, atol=1e-9)
 
 
-def test_values_between_stay_between():
+def test_interpolated_values_stay_between_their_neighbours():
     y = np.array([0.0, 0.0, 1.0, 1.0, 0.2])
     c = monotone_cubics(np.arange(5.0), y)
     s = np.linspace(0.0, 1.0, 101)[:, np.newaxis]

@@ -94,7 +94,7 @@ def test_a_mask_and_its_complement_are_as_large(seed):
 # --- Layers ---
 
 
-def test_layers_are_the_slices_that_hold_anything():
+def test_layers_are_the_slices_with_occupied_voxels():
     occupied = np.zeros((6, 4, 5))
     occupied[2, 0, 0] = 1
     occupied[3, :2] = 1
@@ -135,7 +135,7 @@ def test_bare_ground_is_a_scene_without_occluders(slices):
 
 
 @pytest.mark.parametrize(("cut", "baseline"), [(2.0, 4.0), (1.0, 5.9), (0.5, 7.6)])
-def test_the_coverage_rule_on_a_real_plot_is_at_the_mercy_of_low_vegetation(cut, baseline):
+def test_low_vegetation_determines_the_coverage_rule_on_a_real_plot(cut, baseline):
     pytest.importorskip("laspy")
     path = DATA / "UAS_Clip.laz"
     if not path.exists():

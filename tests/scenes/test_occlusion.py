@@ -288,7 +288,7 @@ def test_nothing_is_seen_below_a_roof():
 # --- Memory ----------------------------------------------------------------------------------
 
 
-def test_how_work_is_divided_changes_nothing(scrub, monkeypatch):
+def test_results_do_not_depend_on_how_work_is_divided(scrub, monkeypatch):
     offsets = np.random.default_rng(6).uniform(-15.0, 15.0, (9, 2))
     occlusion = Occlusion(scrub, 20.0)
     whole = occlusion.masks(offsets)
@@ -375,7 +375,7 @@ def test_joint_counts_are_of_both_hidden(counted):
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 31, 37])
-def test_a_tally_counts_how_often_targets_are_hidden(counted, count):
+def test_hidden_count_counts_the_views_hiding_each_target(counted, count):
     masks, views, _ = counted
     tally = HiddenCount(masks.shape[1])
     for mask in masks[:count]:
@@ -402,7 +402,7 @@ def test_a_tally_counts_how_often_targets_are_hidden(counted, count):
         (20.0, {"focal_height_m": np.nan}, "focal height nan m is not"),
     ],
 )
-def test_what_makes_no_sense_is_refused(altitude, options, message):
+def test_invalid_arguments_of_occlusion_are_refused(altitude, options, message):
     column = VoxelVolume(np.ones((12, 1, 1), dtype=bool), 0.5)
     with pytest.raises(RequestError) as error:
         Occlusion(column, altitude, **options)

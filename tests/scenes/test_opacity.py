@@ -80,7 +80,7 @@ def test_known_leaves_are_predicted_from_their_pulses(tmp_path, leaves, voxel_m)
     assert abs(binary.predict_positions(NINE).density - density) > 0.1
 
 
-def test_equal_energies_and_the_bounds_hold_the_truth(tmp_path, leaves):
+def test_true_visibility_is_within_the_bounds_and_near_equal_energies(tmp_path, leaves):
     _, (density, expected), scan = leaves
     path = write_scan(tmp_path / "leaves.las", scan, calibrated=False)
     volume = read_voxels(path, opacity="auto", min_height_m=0.5)

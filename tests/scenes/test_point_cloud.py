@@ -115,7 +115,7 @@ def test_files_of_different_scales_are_one_cloud(tmp_path):
     assert volume.source == f"{parts[0]} and 1 more"
 
 
-def test_chunks_and_blocks_do_not_show(tmp_path, monkeypatch):
+def test_results_do_not_depend_on_chunks_and_blocks(tmp_path, monkeypatch):
     xyz, kind = stand()
     path = write_cloud(tmp_path / "a.laz", xyz, kind)
     whole = read_voxels(path)
@@ -160,7 +160,7 @@ def test_progress_rises_to_its_total(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
-def test_what_the_caller_raises_passes_through(tmp_path, error):
+def test_exceptions_of_the_caller_are_not_changed(tmp_path, error):
     def progress(done, total):
         raise error
 
@@ -239,7 +239,7 @@ def test_a_few_ground_points_are_not_enough_for_auto(tmp_path):
     assert read_voxels(path, ground="class").ground == "class"
 
 
-def test_class_asked_for_and_missing_is_an_error_with_a_way_out(tmp_path):
+def test_a_cloud_without_ground_class_gives_an_error_with_a_remedy(tmp_path):
     error = refusal(write_cloud(tmp_path / "a.laz", *stand()[:1], 1), ground="class")
     assert "class 2" in error.message
     assert "filter" in error.hint

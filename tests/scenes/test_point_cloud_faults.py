@@ -29,7 +29,7 @@ from aosplan.scenes.files.point_cloud import read_voxels
         (b"LASF" + bytes(21) + b"\x04" + bytes(250), "ends before the end of its header"),
     ],
 )
-def test_what_is_no_cloud_is_named(tmp_path, content, said):
+def test_files_that_are_not_point_clouds_are_refused_by_name(tmp_path, content, said):
     path = tmp_path / "a.las"
     path.write_bytes(content)
     assert said in refusal(path).message
@@ -63,7 +63,7 @@ def test_a_truncated_file_is_named(tmp_path, capfd, suffix, share, point_format)
 
 @pytest.mark.parametrize("suffix", ["las", "laz"])
 @pytest.mark.parametrize("promised", [6001, 2**40, 2**64 - 1])
-def test_a_header_that_promises_too_many_points_is_not_believed(tmp_path, capfd, suffix, promised):
+def test_a_header_with_too_many_points_is_refused(tmp_path, capfd, suffix, promised):
     path = write_cloud(tmp_path / f"a.{suffix}", *stand())
     assert "truncated" in refusal(patched(path, 247, struct.pack("<Q", promised))).message
     assert capfd.readouterr() == ("", "")
@@ -84,7 +84,7 @@ def test_a_header_that_promises_too_many_points_is_not_believed(tmp_path, capfd,
         (139, struct.pack("<d", 1000.0), "too large for a stand"),
     ],
 )
-def test_a_header_out_of_its_mind_is_named(tmp_path, position, data, said):
+def test_a_nonsensical_header_is_refused_by_name(tmp_path, position, data, said):
     path = write_cloud(tmp_path / "a.laz", *stand())
     assert said in refusal(patched(path, position, data)).message
 
@@ -120,7 +120,7 @@ def test_compression_without_its_record_is_named(tmp_path):
     assert "compression is missing" in refusal(patched(path, 104, b"\x81")).message
 
 
-def test_damage_within_the_points_is_no_crash(tmp_path):
+def test_damaged_points_give_an_error_and_no_crash(tmp_path):
     path = write_cloud(tmp_path / "a.laz", *stand(), point_format=1)
     content = path.read_bytes()
     middle = len(content) // 2
@@ -227,7 +227,7 @@ def test_a_cloud_too_high_is_refused_before_its_ground_is_sought(tmp_path, monke
     assert "), which is too large for a stand" in error.message
 
 
-def test_want_of_memory_is_the_machine_s_fault(tmp_path, monkeypatch):
+def test_lack_of_memory_is_an_error_of_the_machine(tmp_path, monkeypatch):
     def fill(*_):
         raise MemoryError
 

@@ -28,7 +28,7 @@ def flat(rows, columns, voxel_m, slices, cut_m=0.0):
     return trace.VoxelGrid(ground, voxel_m, slices, cut_m, (columns * voxel_m, rows * voxel_m))
 
 
-def test_exact_duplicates_go_and_the_order_stays():
+def test_exact_duplicates_are_removed_and_the_order_is_kept():
     one = returns_of([[1, 2, 3], [4, 5, 6], [1, 2, 3], [1, 2, 3]], [1, 1, 1, 2], [2, 1, 2, 2])
     kept = clean.without_duplicates(one)
     # The last point has the same position but another return number.
@@ -102,7 +102,7 @@ def flown_pulses(rng, count=400, noise_m=0.01):
     ), sensor
 
 
-def test_the_track_of_a_moving_sensor_is_found_despite_wild_pulses():
+def test_the_sensor_track_is_found_despite_outlier_pulses():
     rng = np.random.default_rng(11)
     found, sensor = flown_pulses(rng)
     wild = rng.choice(800, 60, replace=False)
@@ -215,7 +215,7 @@ def test_gaps_from_the_ground_to_the_top_stay_open():
     assert depths[crown > 0.0].mean() == pytest.approx(measured, rel=0.02)
 
 
-def test_the_scale_meets_the_gap():
+def test_the_scale_reproduces_the_gap_fraction():
     depths = np.random.default_rng(1).gamma(1.5, 1.0, 1000)
     scale = attenuation.scale_for(depths, 0.3)
     assert np.exp(-scale * depths).mean() == pytest.approx(0.3, abs=1e-9)
@@ -264,7 +264,7 @@ def test_what_is_wrong_with_a_trajectory_is_said(tmp_path, text, said):
     assert str(path) in caught.value.message
 
 
-def test_pulses_that_were_grouped_from_two_do_not_lead_the_track_astray():
+def test_wrongly_grouped_pulses_do_not_change_the_sensor_track():
     """The returns of such pulses are far apart, so that a least-squares fit to all pulses would be
     wrong.
     """

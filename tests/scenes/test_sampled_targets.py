@@ -61,7 +61,7 @@ def test_each_target_sees_what_it_sees_among_all(rows, columns, sample, per_voxe
     assert count == sampled.targets
 
 
-def test_all_places_within_voxels_count_alike():
+def test_all_places_within_voxels_have_equal_weight():
     sampled = SampledOcclusion(Occlusion(random_volume(60, 60), 12.0), random_volume(60, 60), 100)
     for places in (sampled._within, sampled._first):
         assert len({tuple(place) for place in places.tolist()}) == LATTICES

@@ -45,7 +45,7 @@ def test_other_units_of_length_are_converted(table):
     assert read_slices(table(GOOD.replace("2,4,", "2,13ft,"))).layers[0].top_m == 13 * 0.3048
 
 
-def test_a_table_plans(table):
+def test_a_slice_table_can_be_planned(table):
     path = table(GOOD)
     result = plan(PlanRequest(altitude=40, scene=path, vhat=0.9))
     assert result.model == "layered"
@@ -87,7 +87,7 @@ def test_what_is_wrong_with_a_table_is_named_with_its_place(table, text, said, h
     assert "\n" not in caught.value.message
 
 
-def test_a_table_without_end_is_refused(table, monkeypatch):
+def test_an_endless_slice_table_is_refused(table, monkeypatch):
     monkeypatch.setattr("aosplan.scenes.files.slice_table.MOST_SLICES", 5)
     with pytest.raises(RequestError, match="more than 5"):
         read_slices(table(HEADER + "\n2,4,0.02,0.3" * 9))

@@ -105,7 +105,7 @@ def test_a_preset_goes_before_a_folder_of_its_name(tmp_path, monkeypatch):
     assert "contains no" in refusal("./savanna").message
 
 
-def test_a_file_with_marks_in_its_name_is_itself(tmp_path):
+def test_a_file_name_with_pattern_characters_is_read_as_a_file(tmp_path):
     path = write_cloud(tmp_path / "a[1].laz", *stand())
     assert cloud_files(str(path)) == (str(path),)
     assert resolved(path).volume is not None
@@ -130,7 +130,7 @@ def test_what_does_not_go_together_is_named(tiles, monkeypatch, names, said):
     assert said in refusal(*names).message
 
 
-def test_files_of_two_places_are_no_stand(tiles, tmp_path):
+def test_files_of_two_places_are_refused_as_one_stand(tiles, tmp_path):
     far = write_cloud(tmp_path / "far.laz", stand()[0] + [[2e6], [0], [0]], stand()[1])
     assert "all files are from one place" in refusal(tiles, far).hint
 
@@ -234,7 +234,7 @@ def test_a_plan_by_the_correlogram_is_named_and_near_the_exact_one(saved, baseli
     assert "correlogram_approximation" not in [w.code for w in exact.warnings]
 
 
-def test_it_is_the_default_and_other_models_are_free(saved):
+def test_a_saved_correlogram_selects_the_measured_model_by_default(saved):
     assert planned(saved["toml"], vhat=0.3).model == "measured"
     assert planned(saved["toml"], vhat=0.3).approximation == "correlogram"
     for model in ("layered", "uniform"):
@@ -248,7 +248,7 @@ def test_its_request_plans_again(saved):
 
 
 @pytest.mark.parametrize("given", [{"view": "perspective"}, {"focal_height": 1.0}])
-def test_what_a_correlogram_does_not_know_is_refused(saved, given):
+def test_requests_beyond_a_saved_correlogram_are_refused(saved, given):
     with pytest.raises(RequestError, match="contains only a correlogram") as caught:
         planned(saved["toml"], **given)
     assert ".npz" in caught.value.hint

@@ -154,7 +154,7 @@ def test_pickles_are_never_opened(tmp_path):
         read_volume(str(path))
 
 
-def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
+def test_a_decompression_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
     monkeypatch.setattr("aosplan.scenes.files.voxel_file.MOST_OCTETS", 100_000)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -63,7 +63,7 @@ def test_bare_ground_has_no_canopy(slices):
         (np.zeros((1, 2, 2), dtype=bool), {"min_height_m": -1.0}, "min_height_m -1"),
     ],
 )
-def test_what_is_no_volume_is_refused_by_name(occupied, given, named):
+def test_invalid_volumes_are_refused_by_name(occupied, given, named):
     with pytest.raises(RequestError, match=f"'plot.laz'.*{named}"):
         VoxelVolume(occupied, **({"voxel_m": 0.5, "source": "plot.laz"} | given))
 
@@ -158,7 +158,7 @@ def test_a_full_plot_is_covered_whatever_the_squares(reach):
     assert footprint(np.ones((31, 44), dtype=bool), reach) == 1.0
 
 
-def test_a_disc_covers_what_it_covers_but_for_its_rim():
+def test_the_covered_share_of_a_disc_is_correct_except_for_its_rim():
     y, x = np.mgrid[:400, :400] - 199.5
     disc = np.hypot(x, y) < 200.0
     assert footprint(disc, 1) == pytest.approx(np.pi / 4, abs=0.001)

@@ -26,7 +26,7 @@ def test_the_curve_rises_to_the_right_and_the_plan_lies_on_it():
     assert chosen in points
 
 
-def test_a_page_asks_whether_it_will_be_found_only_of_what_is_looked_for():
+def test_a_page_has_a_detection_section_only_with_a_target():
     from aosplan.show.page.page import report_page
 
     with_target = report_page(

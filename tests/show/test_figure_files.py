@@ -72,7 +72,7 @@ def test_colours_stand_out_from_their_background(theme):
 
 @pytest.mark.parametrize("eye", EYES)
 @pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
-def test_colours_differ_to_every_eye_and_in_grey(theme, eye):
+def test_colours_differ_for_colour_blind_readers_and_in_grey(theme, eye):
     seen = [lab(np.clip(np.array(EYES[eye]) @ luminance(c), 0, 1)) for c in theme.data]
     for one, other in itertools.combinations(seen, 2):
         assert np.linalg.norm(one - other) >= 20.0
@@ -103,7 +103,7 @@ def test_a_file_is_the_same_each_time(kind, form):
     assert first == rendered(KINDS[kind], shown(kind), form)
 
 
-def test_a_file_does_not_depend_on_somebodys_settings_or_leave_its_own():
+def test_figure_files_neither_use_nor_change_the_users_matplotlib_settings():
     import matplotlib as mpl
 
     first = rendered(KINDS["density"], shown("density"), "svg")
@@ -269,7 +269,7 @@ def test_an_existing_figure_stays_unless_forced(tmp_path, capsys):
     assert path.read_text().startswith("<?xml")
 
 
-def test_words_need_no_matplotlib_and_neither_do_numbers():
+def test_descriptions_and_numbers_need_no_matplotlib():
     code = (
         "import sys\nfrom aosplan.cli.app import run\n"
         "assert run(['plot', 'visibility', '--altitude', '40', '--json']) == 0\n"
@@ -286,7 +286,7 @@ def test_without_matplotlib_there_is_a_hint(capsys, monkeypatch, tmp_path):
     assert 'pip install "aosplan[figures]"' in err
 
 
-def test_a_figure_is_of_the_plan_that_ones_own_defaults_make(tmp_path, capsys):
+def test_figures_use_the_users_own_defaults(tmp_path, capsys):
     (tmp_path / "own.toml").write_text("vhat = 0.9\n")
     told = []
     for more in ([], ["--defaults", str(tmp_path / "own.toml")], ["--defaults", "none"]):

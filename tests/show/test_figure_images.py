@@ -177,7 +177,7 @@ def test_a_scatter_of_a_sweep_has_its_points_and_its_front(figure_of):
     ],
 )
 @pytest.mark.parametrize("name", FIGURES)
-def test_no_words_are_cut(figure_of, name, look):
+def test_no_text_in_figures_is_cut(figure_of, name, look):
     figure = figure_of(name, look)
     box, (width, height) = figure.get_tightbbox(), figure.get_size_inches()
     assert min(box.x0, box.y0) >= -0.01

@@ -43,7 +43,7 @@ def dots_of(lines):
 @pytest.mark.parametrize("pattern", PATTERNS, ids=lambda p: f"{type(p).__name__}-{p.samples}")
 @pytest.mark.parametrize("width", [18, 38, 58, 72, 500])
 @pytest.mark.parametrize("plain", [True, False])
-def test_pictures_keep_to_their_room_and_show_both_ends(pattern, width, plain):
+def test_drawings_fit_their_size_and_show_both_ends(pattern, width, plain):
     drawing, legend = parts_of(grid_picture(pattern, plain=plain, width=width))
     marks = ASCII if plain else UNICODE
     assert len(drawing) <= HEIGHT

@@ -166,7 +166,7 @@ def test_the_request_on_the_page_gives_the_same_plan(page, folder, command, defa
         assert json.loads(out) == default.document()
 
 
-def test_nothing_is_loaded_and_nothing_runs_but_the_pages_own(page, content):
+def test_the_page_loads_no_file_and_runs_only_its_own_script(page, content):
     (policy,) = (
         e["content"] for e in page.of("meta") if e.get("http-equiv") == "Content-Security-Policy"
     )
@@ -347,11 +347,11 @@ def test_heights_along_the_way_are_those_of_the_waypoints(folder):
     ("metres", "text"),
     [(2.8, "2.80 m"), (0.0, "0.00 m"), (1e-6, "1e-06 m"), (0.05, "0.05 m"), (1e6, "1,000,000 m")],
 )
-def test_baselines_are_to_a_centimetre_where_that_says_something(metres, text):
+def test_baselines_are_rounded_to_a_centimetre_if_that_is_meaningful(metres, text):
     assert spacing(metres) == text
 
 
-def test_short_names_hold_no_sign_that_is_not_seen():
+def test_short_names_have_no_invisible_characters():
     assert short("a\u202eb\x00c\nd") == "a\ufffdb\ufffdc\ufffdd"
     assert len(short("x" * 10_000)) == 121
 

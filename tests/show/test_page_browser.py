@@ -359,7 +359,7 @@ def test_light_and_dark_follow_the_system_and_the_button(pages, opened):
 
 
 @pytest.mark.parametrize("name", ["default", "place", "area"])
-def test_axe_finds_nothing_serious(pages, opened, name):
+def test_axe_reports_no_serious_accessibility_problems(pages, opened, name):
     _, path = pages(name)
     with opened(path) as page:
         for summary in page.locator("summary").all():

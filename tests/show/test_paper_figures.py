@@ -244,7 +244,7 @@ def test_numbers_are_read_as_people_write_them(text, number):
         ("grid --altitude 40 --seed 3", "--seed is for paper, not for grid", ""),
     ],
 )
-def test_wrong_lines_get_one_line(line, error, hint, capsys):
+def test_invalid_paper_figure_commands_give_one_error_line(line, error, hint, capsys):
     assert run(["plot", *line.split()]) == 2
     out, err = capsys.readouterr()
     assert out == ""

@@ -90,7 +90,7 @@ def test_a_dumb_terminal_gets_ascii_without_escapes(arguments):
 
 
 @pytest.mark.parametrize("arguments", TABLES, ids=" ".join)
-def test_nothing_is_lost_without_unicode(arguments):
+def test_text_without_unicode_has_no_replacement_characters(arguments):
     done = process(*arguments, LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0")
     assert done.returncode == 0
     for text in (done.stdout.decode("ascii"), done.stderr.decode("ascii")):

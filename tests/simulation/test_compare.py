@@ -88,7 +88,7 @@ def test_leaves_hide_what_is_predicted_for_the_length_of_rays(flight, forest, vi
     assert not of_leaves._replace(predicted=of_cubes.predicted).agree
 
 
-def test_what_of_a_plan_does_not_hold_for_its_photos_is_said(flight, clumped):
+def test_as_flown_lists_the_numbers_that_differ_for_the_photos(flight, clumped):
     found = simulate(flight, Settings(1, 0.01))
     assert found.agree
     assert [text.split()[0] for text in found.as_flown] == ["p", "V"]
@@ -106,7 +106,7 @@ def test_occluders_go_with_generated_forests_alone(flight, forest):
         simulate(flight, Settings(forest=forest, occluders="leaves"))
 
 
-def test_clumped_stands_do_not_keep_what_independent_occluders_promise(clumped):
+def test_clumped_stands_disagree_with_the_model_of_independent_occluders(clumped):
     assert not clumped.agree
     assert clumped.simulated.normalized < clumped.predicted.normalized - 0.01
 
@@ -255,7 +255,7 @@ def test_patches_stand_for_the_whole_target_area(monkeypatch):
     assert truth.density > 1 - math.exp(log_clear) + 0.1
 
 
-def test_a_cloud_is_asked_for_the_view_that_is_simulated(flight, monkeypatch):
+def test_a_cloud_is_predicted_for_the_simulated_view(flight, monkeypatch):
     volume = clumped_forest(generator(1), 0.6, 0.5, 2.0, 10.0, (24.0, 20.0))
     loaded = replace(flight.inputs.loaded, volume=volume)
     made = replace(flight, inputs=flight.inputs._replace(loaded=loaded, model="measured"))
@@ -273,7 +273,7 @@ def test_a_cloud_is_asked_for_the_view_that_is_simulated(flight, monkeypatch):
         assert found.targets == 4 * 48 * 4 * 40
 
 
-def test_a_cloud_does_not_keep_what_independent_layers_promise(flight):
+def test_a_cloud_disagrees_with_the_model_of_independent_layers(flight):
     volume = clumped_forest(generator(1), 0.6, 0.5, 2.0, 10.0, (24.0, 20.0))
     loaded = replace(flight.inputs.loaded, volume=volume)
     made = replace(flight, inputs=flight.inputs._replace(loaded=loaded))

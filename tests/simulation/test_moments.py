@@ -82,7 +82,7 @@ def test_standard_errors_are_calibrated_where_samples_differ(number):
     assert (np.abs(z) > 4).mean() < 0.01
 
 
-def test_few_samples_do_not_pass_the_variance_of_their_mean_for_visibility():
+def test_the_estimate_of_vhat_from_few_samples_is_unbiased():
     rng = np.random.default_rng(4)
     found, plain = [], []
     for _ in range(3000):

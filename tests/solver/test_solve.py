@@ -65,7 +65,7 @@ def test_the_best_grid_is_the_best_of_all_kinds_by_themselves(model, objective, 
     assert best.problem.name in best.solution.limits[-1].message
 
 
-def test_a_grid_over_no_common_ground_is_taken_only_where_there_is_no_other():
+def test_a_grid_without_common_ground_is_chosen_only_if_there_is_no_other():
     problem = Problem(PAPER, vhat("0.98"))
     problems = [problem._replace(grid=grid) for grid in kinds("best")]
     # the same number of samples, but a shorter flight
@@ -78,7 +78,7 @@ def test_a_grid_over_no_common_ground_is_taken_only_where_there_is_no_other():
     assert solve_best(problems, footprint_m=(1.0, 1.0)).problem.grid.name == "line"
 
 
-def test_out_of_reach_of_every_grid_names_them_all():
+def test_an_unreachable_target_names_all_compared_grids():
     problem = Problem(PAPER, vhat("0.98"), bounds=Bounds(max_samples=20))
     with pytest.raises(InfeasibleError, match="3 lanes of pitch 4, spiral of pitch 4, line"):
         solve_best([problem._replace(grid=grid) for grid in kinds("best")])

@@ -177,7 +177,7 @@ BOUNDS = [
 @pytest.mark.parametrize("bounds", BOUNDS, ids=str)
 @pytest.mark.parametrize("grid", KINDS, ids=lambda grid: grid.title)
 @pytest.mark.parametrize("stand", ["beech", pytest.param("clearing", marks=pytest.mark.slow)])
-def test_nothing_that_enumeration_finds_costs_less(stands, stand, grid, bounds):
+def test_no_enumerated_grid_has_a_lower_cost(stands, stand, grid, bounds):
     """Every objective is compared with all patterns at all baselines of the scan."""
     problem = stands[stand]._replace(grid=grid, bounds=bounds)
     if bounds.samples is None:

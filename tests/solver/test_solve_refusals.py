@@ -86,7 +86,7 @@ AT_MOST = rf"the best grid reaches V̂ = {NUMBER} with {NUMBER} samples {NUMBER}
 
 
 @pytest.mark.parametrize("grid", KINDS)
-def test_a_refusal_says_what_is_reachable_and_it_is(grid):
+def test_the_value_that_a_refusal_calls_reachable_is_reachable(grid):
     """The best value in the message is reached at the baseline in the message, within the bounds,
     and no better value is possible.
     """
@@ -158,7 +158,7 @@ def test_too_few_samples_for_whole_rows_are_refused_like_any_other(grid, objecti
 
 
 @pytest.mark.parametrize("baseline", [0.5, 1.0, 3.0, 3.4])
-def test_the_wider_baseline_that_a_refusal_names_does_with_the_samples_it_names(baseline):
+def test_the_baseline_and_samples_in_a_refusal_meet_the_target(baseline):
     for unit in (3.5, 10 / 3, 12.3456, 7.77777):
         model = PAPER._replace(unit_baseline_m=unit)
         bounds = Bounds(baseline_m=baseline * unit / 3.5, max_samples=50)

@@ -143,7 +143,7 @@ def test_a_file_has_the_bytes_of_a_local_run(cluster, tmp_path, name, conditions
     assert sorted(os.listdir(tmp_path)) == sorted(["here", name, "rows.csv"])
 
 
-def test_what_is_gathered_on_the_way_is_that_of_a_local_run(cluster, tmp_path, capsys):
+def test_the_summary_of_a_cluster_run_equals_that_of_a_local_run(cluster, tmp_path, capsys):
     cluster.crew(2)
     campaign, told = tmp_path / "s.toml", []
     campaign.write_text("[sweep]\naltitude = { start = 10, stop = 120, count = 200 }\n")
@@ -160,7 +160,7 @@ def test_what_is_gathered_on_the_way_is_that_of_a_local_run(cluster, tmp_path, c
 # Failures
 
 
-def test_a_worker_that_is_killed_costs_no_row(cluster, campaign, local, tmp_path):
+def test_a_killed_worker_loses_no_rows(cluster, campaign, local, tmp_path):
     cluster.crew(2)
     out = tmp_path / "r.parquet"
     with once_parts_are_done(out, 4, lambda: end(cluster.workers.pop())):
@@ -302,7 +302,7 @@ def test_a_partition_that_was_truncated_is_written_anew(cluster, campaign, local
     assert again == ["part-00007.parquet"]
 
 
-def test_ctrl_c_leaves_what_is_done(cluster, campaign, local, tmp_path):
+def test_ctrl_c_keeps_completed_parts(cluster, campaign, local, tmp_path):
     cluster.crew(2)
     out = tmp_path / "r.parquet"
     code = (

@@ -82,7 +82,7 @@ def test_a_task_of_files_that_differ_writes_nothing(task, tmp_path):
     assert not os.path.exists(path)
 
 
-def test_a_worker_knows_no_file_as_it_was_for_an_earlier_run(tmp_path):
+def test_a_worker_reads_files_again_for_a_new_run(tmp_path):
     scene, path, out = tmp_path / "stand.toml", tmp_path / "s.toml", tmp_path / "r.parquet"
     path.write_text(
         '[sweep]\naltitude = 40\nvhat = 0.8\nmodel = ["uniform", "layered"]\nscene = "stand.toml"\n'

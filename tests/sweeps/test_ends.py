@@ -299,7 +299,7 @@ def test_a_second_sweep_to_the_same_output_is_refused(
     assert sweep(campaign, "--out", f"{tmp_path}/{out}", "--force") == 0
 
 
-def test_names_of_files_are_no_formulas(tmp_path, monkeypatch):
+def test_file_names_are_not_written_as_spreadsheet_formulas(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     stand = 'name = "a"\ndensity = 0.02\noccluder_size_m = 0.3\nvolume_base_m = 2\nvolume_height_m = 10\n'
     names = ["=1+1.toml", "+a.toml", "-a.toml", "@a.toml", "a.toml"]

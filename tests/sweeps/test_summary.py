@@ -225,7 +225,7 @@ def test_parts_change_no_byte(tmp_path, capsys, monkeypatch, kind):
 
 
 @pytest.mark.slow
-def test_words_and_what_rows_leave_out_are_told_apart(tmp_path, capsys):
+def test_text_values_and_missing_values_are_separate_groups(tmp_path, capsys):
     path = tmp_path / "rows.csv"
     path.write_text(TABLE)
     found = summary(capsys, path)
@@ -341,7 +341,7 @@ def test_an_interrupted_simulation_sweeps_nothing_again(campaign, tmp_path, caps
 
 
 @pytest.mark.parametrize("content", ["", "{}", "[1]", '{"fingerprint": 1, "done": 3}'])
-def test_a_file_that_is_not_ours_is_neither_read_nor_overwritten(
+def test_files_of_other_programs_are_neither_read_nor_overwritten(
     campaign, tmp_path, capsys, content
 ):
     place = tmp_path / "campaign.toml.gathered"

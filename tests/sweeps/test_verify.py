@@ -184,7 +184,7 @@ def test_one_wrong_prediction_among_many_is_found(noise_checks):
     assert worst["chance_of_worst"] < v.LEVEL
 
 
-def test_what_would_be_doubtful_alone_is_not_among_many(noise_checks):
+def test_a_deviation_that_is_unlikely_alone_is_likely_among_many(noise_checks):
     # A difference of 3.2 standard errors, for 16 samples, has a probability of less than 1 %. As
     # the worst of 120 comparisons, it has a larger probability.
     simulation = noise_checks[0].simulation
@@ -214,7 +214,7 @@ def test_what_would_be_doubtful_alone_is_not_among_many(noise_checks):
     assert v.Verification(0, 0.005, (alone,), ()).document()["worst"]["chance"] == chance
 
 
-def test_the_experiments_own_error_is_taken_off(noise_checks):
+def test_the_systematic_error_of_the_experiment_is_subtracted(noise_checks):
     first = noise_checks[0]
     (density, *_) = first.comparisons()
     error = first.simulation.simulated.density_standard_error

@@ -169,7 +169,7 @@ def values(path):
         b"altitude,vhat\n40 m,90%\n50,",
     ],
 )
-def test_csv_has_its_ways(folder, content):
+def test_variants_of_csv_files_are_read(folder, content):
     (folder / "s.csv").write_bytes(content)
     assert values("s.csv") == {"altitude": [40.0, 50.0], "vhat": [0.9, None]}
 
