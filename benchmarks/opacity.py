@@ -4,7 +4,7 @@ leaves.
 ``python benchmarks/opacity.py [CLOUD]`` writes ``results/opacity.csv``.  For generated stands, this
 file has p̄ and V of nine views that are 2 m apart, from 50 m, computed with rays that are cast
 through the leaves.  It also has predictions from simulated pulses with calibrated and with equal
-energies, and from voxels that contain a point.  If a real cloud is given, the file has the same
+energies, and from voxels that contain a point.  Wider stands are scanned with few pulses.  If a real cloud is given, the file has the same
 predictions for 49 views of this cloud, without a reference.  The processor time is the time to read
 the cloud and to fit the opacity.
 """
@@ -33,6 +33,12 @@ COLUMNS = (
 ALTITUDE_M = 50.0
 CASES = ((1, 1.5, 100.0, 0.1), (2, 1.5, 250.0, 0.1), (3, 3.0, 250.0, 0.3), (4, 1.5, 400.0, 0.1))
 """Seed, leaf area index, pulses per square metre and footprint [m]."""
+SPARSE = tuple(
+    (seed, leaf_area_index, crowns, pulses)
+    for seed, leaf_area_index, crowns in ((1, 1.5, 25), (2, 3.0, 25), (3, 3.0, 40), (4, 5.0, 60))
+    for pulses in (1.0, 2.0, 5.0, 10.0, 30.0, 100.0)
+)
+"""Seed, leaf area index, number of crowns, and pulses per square metre of plots of 20 m."""
 
 
 def grid(side):
@@ -72,6 +78,23 @@ def generated(folder):
             yield name, pulses, footprint, voxel_m, "voxels", *shown, *truth, spent
 
 
+def sparse(folder):
+    """Rows of generated stands with few pulses, whose footprint is 0.3 m."""
+    views = grid(3)
+    for seed, leaf_area_index, crowns, pulses in SPARSE:
+        rng = np.random.default_rng(seed)
+        stand = crowned_stand(rng, 20.0, leaf_area_index=leaf_area_index, crowns=crowns)
+        hidden = hidden_share(stand, ALTITUDE_M, views, 0.15)
+        p, square = float(hidden.mean()), float((hidden**2).mean())
+        truth = p, 1.0 - square, 1.0 - (square - p * p) / (p * (1.0 - p))
+        scan = laser_scan(rng, stand, pulses_a_m2=pulses, footprint_m=0.3)
+        path = write_scan(Path(folder) / "sparse.las", scan, calibrated=False)
+        name = f"leaves {seed}, LAI {leaf_area_index:g}, 20 m"
+        for opacity, kind in (("auto", "auto, 1/n"), ("voxels", "voxels")):
+            *shown, spent = predicted(path, opacity, 0.5, views)
+            yield name, pulses, 0.3, 0.5, kind, *shown, *truth, spent
+
+
 def real(path):
     """Rows of a real cloud."""
     for opacity in ("pulses", "voxels"):
@@ -85,7 +108,11 @@ def main():
     with tempfile.TemporaryDirectory() as folder, RESULTS.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
-        rows = [*generated(folder), *(row for path in sys.argv[1:] for row in real(path))]
+        rows = [
+            *generated(folder),
+            *sparse(folder),
+            *(row for path in sys.argv[1:] for row in real(path)),
+        ]
         for row in rows:
             shown = [f"{value:.4f}" if isinstance(value, float) else value for value in row]
             writer.writerow(shown)

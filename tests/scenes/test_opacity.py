@@ -60,6 +60,61 @@ def test_rays_meet_the_leaf_that_a_search_of_all_leaves_finds():
         assert found[k] == pytest.approx(best, abs=1e-9)
 
 
+@pytest.fixture(scope="module")
+def sparse():
+    """p̄ and V of nine views of a wider stand, and a scan with 5 pulses per square metre."""
+    rng = np.random.default_rng(21)
+    stand = crowned_stand(rng, 12.0, leaf_area_index=3.0, crowns=12)
+    hidden = hidden_share(stand, 50.0, NINE, 0.25)
+    scan = laser_scan(rng, stand, pulses_a_m2=5.0, footprint_m=0.3)
+    return (float(hidden.mean()), float(1.0 - (hidden**2).mean())), scan
+
+
+@pytest.mark.parametrize(
+    ("kept", "error", "warned"),
+    [
+        ("all", 0.05, ["sparse_cloud"]),
+        pytest.param("untimed", 0.05, ["sparse_cloud"], marks=pytest.mark.slow),
+        pytest.param(
+            "few lines",
+            0.12,
+            ["sparse_cloud", "pulses_assumed_vertical"],
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "first",
+            0.12,
+            ["sparse_cloud", "only_first_returns", "pulses_assumed_vertical"],
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_a_sparse_scan_of_known_leaves_is_predicted(tmp_path, sparse, kept, error, warned):
+    (density, expected), scan = sparse
+    if kept == "first":
+        scan = returns_of(scan, scan.number == 1)
+    elif kept == "untimed":
+        scan = scan._replace(time_s=0.0 * scan.time_s)
+    elif kept == "few lines":  # Each line has too few pulses with several returns.
+        scan = scan._replace(line=(scan.time_s * 40.0).astype(np.intp))
+    path = write_scan(tmp_path / "sparse.las", scan)
+    volume = read_voxels(path, opacity="auto", min_height_m=0.5)
+    found = MeasuredModel(volume, 50.0).predict_positions(NINE)
+    assert [code for code, _ in volume.warnings if code != "units_assumed"] == warned
+    assert found.density == pytest.approx(density, abs=error)
+    assert found.expected == pytest.approx(expected, abs=error)
+    # Most of the canopy is missing if only voxels with a point are opaque.
+    voxels = read_voxels(path, opacity="voxels", min_height_m=0.5)
+    binary = MeasuredModel(voxels, 50.0).predict_positions(NINE)
+    assert binary.density < density - 0.08
+    assert voxels.warnings[-1][0] == "sparse_cloud"
+
+
+def returns_of(scan, which):
+    """Some of the returns of a scan."""
+    return type(scan)(*(each[..., which] for each in scan))
+
+
 def test_one_leaf_hides_its_shadow():
     leaf = LeafStand(2.0, np.array([[1.0], [1.0], [3.0]]), np.array([[0.0], [0.0], [1.0]]), 0.3)
     hidden = hidden_share(leaf, 10.0, np.zeros((1, 2)), 0.01)

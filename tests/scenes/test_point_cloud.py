@@ -171,7 +171,7 @@ def test_exceptions_of_the_caller_are_not_changed(tmp_path, error):
 def test_one_point_makes_one_column(tmp_path):
     volume = read_voxels(write_cloud(tmp_path / "a.las", [[5.0], [5.0], [7.0]]), ground="class")
     assert volume.occupied.shape == (0, 1, 1)
-    assert codes(volume) == ["sparse_cloud", "no_vegetation"]
+    assert codes(volume) == ["no_vegetation"]
 
 
 def test_one_column_of_points_is_a_plot(tmp_path):
@@ -264,7 +264,7 @@ def test_bare_ground_is_a_volume_without_slices_and_said(tmp_path):
     xyz, kind = stand()
     volume = read_voxels(write_cloud(tmp_path / "a.laz", xyz[:, kind == 2]), min_height_m=1.0)
     assert volume.occupied.shape == (0, 49, 81)
-    assert (volume.column_occupancy, codes(volume)) == (0.0, ["sparse_cloud", "no_vegetation"])
+    assert (volume.column_occupancy, codes(volume)) == (0.0, ["no_vegetation"])
 
 
 def test_saturated_photos_give_a_warning(tmp_path):

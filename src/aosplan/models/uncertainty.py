@@ -71,7 +71,15 @@ PERSPECTIVE = 1.2
 differences between halves and quarters of real plots.
 """
 
-CLUMPS = ((400.0, (0.003, 0.007, 0.032)), (math.inf, (0.003, 0.003, 0.017)))
+CLUMPS = (
+    (1.5, (0.02, 0.02, 0.26)),
+    (3.0, (0.02, 0.02, 0.18)),
+    (7.0, (0.01, 0.015, 0.13)),
+    (20.0, (0.005, 0.01, 0.09)),
+    (60.0, (0.003, 0.007, 0.06)),
+    (400.0, (0.003, 0.007, 0.032)),
+    (math.inf, (0.003, 0.003, 0.017)),
+)
 """Numbers of pulses per square metre, each with the errors of p, V and V̂ that unresolved clumps
 cause at lower numbers of pulses.
 """

@@ -11,6 +11,10 @@ OpacitySource = Literal["auto", "pulses", "voxels"]
 point).
 """
 
+SPARSE_POINTS_PER_M2 = 20.0
+"""A cloud with fewer points per square metre is sparse.  An aircraft recorded it, because terrestrial
+and photogrammetric clouds are denser.
+"""
 
 TEXTS = ("source", "reason", "energy")
 COUNTS = ("pulses", "lines", "seed")

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from aosplan.scenes.opacity import SPARSE_POINTS_PER_M2
 from aosplan.units import rounded_up
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from aosplan.scenes.opacity import Opacity
     from aosplan.scenes.voxels import VoxelVolume
 
     Warned = tuple[str, str]
 
-SPARSE_POINTS_PER_M2 = 20.0
 SATURATED_OCCUPANCY = 0.98
 FULL_FOOTPRINT = 0.95
 POINTS_A_COLUMN = 1.6
@@ -34,19 +35,14 @@ def cloud_doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Itera
     if volume.ground == "normalized" and assumed:
         message = "z is assumed to be the height above ground, because the lowest z are near 0"
         yield "ground_assumed_normalized", message
-    density = volume.points_per_m2
-    if density < SPARSE_POINTS_PER_M2:
-        message = (
-            f"{density:.3g} points per m² are fewer than {SPARSE_POINTS_PER_M2:g}, so the "
-            "canopy is denser than it seems"
-        )
-        yield "sparse_cloud", message
     if covered < FULL_FOOTPRINT:
         message = (
             f"the points cover {covered:.0%} of their bounding rectangle, and the rest is "
             f"treated as open ground, so p = {occupancy:.3g}, but "
             f"{min(occupancy / covered, 1.0):.3g} in the part with points; crop a rectangle "
             "from the cloud"
+            if occupancy
+            else f"the points cover {covered:.0%} of their bounding rectangle"
         )
         yield "partial_plot", message
     if occupancy == 0.0:
@@ -54,9 +50,40 @@ def cloud_doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Itera
         yield "no_vegetation", message
 
 
+def pulse_doubts(volume: VoxelVolume, opacity: Opacity, *, later_returns: bool) -> Iterator[Warned]:
+    """Yield warnings about a volume whose opacity was computed from few or incomplete pulses."""
+    density = (opacity.pulses or 0) / volume.plot_area_m2
+    if volume.points_per_m2 < SPARSE_POINTS_PER_M2:
+        message = (
+            f"{density:.3g} pulses per m² do not resolve the gaps in crowns, so V̂ is too high by "
+            "about its ±; V is more reliable"
+        )
+        yield "sparse_cloud", message
+    if not later_returns:
+        message = (
+            "the cloud contains only the first return of each pulse, so the canopy is more "
+            "transparent than it seems"
+        )
+        yield "only_first_returns", message
+    if opacity.zenith_deg == (0.0, 0.0):
+        message = (
+            "the position of the laser cannot be computed from the pulses, so they are treated as "
+            "vertical, which may change V by 0.1; --trajectory gives the position"
+        )
+        yield "pulses_assumed_vertical", message
+
+
 def opacity_doubts(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
     """Yield warnings about a volume in which every voxel with a point is treated as opaque."""
     voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
+    density = volume.points_per_m2
+    if density < SPARSE_POINTS_PER_M2 and occupancy > 0.0:
+        message = (
+            f"{density:.3g} points per m² are fewer than {SPARSE_POINTS_PER_M2:g}, so most of the "
+            f"canopy is missing and p = {occupancy:.2g} is too low; give a cloud with more points, "
+            "or a scene that describes the forest"
+        )
+        yield "sparse_cloud", message
     if volume.opacity is not None and volume.opacity.reason:
         message = (
             "the opacity cannot be computed from the pulses, so each voxel with a point is opaque, "

@@ -25,7 +25,7 @@ from aosplan.crs import given_units
 from aosplan.errors import RequestError, SurroundingsError
 from aosplan.scenes import voxels
 from aosplan.scenes.files import outliers
-from aosplan.scenes.files.cloud_doubts import cloud_doubts, opacity_doubts
+from aosplan.scenes.files.cloud_doubts import cloud_doubts, opacity_doubts, pulse_doubts
 from aosplan.scenes.files.crop import box_of
 from aosplan.scenes.files.ground import (
     MAX_VERTICES,
@@ -229,27 +229,28 @@ def read_voxels(
     squares = math.ceil(SPACINGS_ACROSS * spacing_m / voxel_m)
     columns = touched.reshape(plot.rows, plot.columns)
     covered = footprint(columns, squares)
-    doubts = cloud_doubts(volume, covered, assumed=ground == "auto")
-    known = (
+    strange = (
         *warnings,
         *strange,
         *outliers.outliers_above(volume),
         *outliers.beside(columns, volume),
-        *doubts,
     )
     if found is None:
-        volume = replace(volume, warnings=(*known, *opacity_doubts(volume, spacing_m)))
-        return located(volume, files)
-    volume = replace(
-        volume,
-        occupied=found.occupied,
-        voxel_m=found.cell_m,
-        slice_m=found.opacity.voxel_m,
-        bounds=found.bounds,
-        halves=found.halves,
-        opacity=found.opacity,
-        warnings=known,
-    )
+        of_opacity = opacity_doubts(volume, spacing_m)
+    else:
+        volume = replace(
+            volume,
+            occupied=found.occupied,
+            voxel_m=found.cell_m,
+            slice_m=found.opacity.voxel_m,
+            bounds=found.bounds,
+            halves=found.halves,
+            opacity=found.opacity,
+        )
+        later = any(file.later_returns for file in files)
+        of_opacity = pulse_doubts(volume, found.opacity, later_returns=later)
+    doubts = cloud_doubts(volume, covered, assumed=ground == "auto")
+    volume = replace(volume, warnings=(*strange, *doubts, *of_opacity))
     return located(volume, files)
 
 

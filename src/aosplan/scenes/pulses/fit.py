@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from aosplan.errors import RequestError
-from aosplan.scenes.opacity import Opacity
+from aosplan.scenes.opacity import SPARSE_POINTS_PER_M2, Opacity
 from aosplan.scenes.pulses import attenuation, clean, grouping, realise, sensor_track, trace
 from aosplan.scenes.voxels import FACE, HalfStand
 
@@ -32,8 +32,8 @@ share of the pulses is traced.
 """
 
 MOST_VOXELS = 100_000_000
-FEWEST_PULSES = 1000
-FEWEST_A_M2 = 2.0
+FEWEST_PULSES = 300
+FEWEST_A_M2 = 0.3
 LEAST_COMPLETE = 0.5
 FEWEST_THROUGH = 500
 """Smallest number of pulses that cross the whole canopy within the plot. If there are fewer such
@@ -205,7 +205,8 @@ def volume_from_pulses(
         If the pulses cannot be used.
     """
     share = min(MOST_RETURNS / max(points, 1), 1.0)
-    beams, grid = sound_beams(files, grid, origin_m, trajectory, share)
+    sparse = points < SPARSE_POINTS_PER_M2 * grid.size_m[0] * grid.size_m[1]
+    beams, grid = sound_beams(files, grid, origin_m, trajectory, share, sparse=sparse)
     if math.prod(grid.shape) > MOST_VOXELS:
         raise UnsoundPulsesError(
             f"the stand has more than the {MOST_VOXELS} voxels for which pulses can be fitted"
@@ -265,9 +266,15 @@ def sound_beams(
     origin_m: Floats,
     trajectory: Trajectory | None = None,
     share: float = 1.0,
+    *,
+    sparse: bool = False,
 ) -> tuple[Beams, trace.VoxelGrid]:
     """Read the usable pulses of the plot. Returns are cleaned and grouped, the directions of pulses
     are found, and pulses are selected.
+
+    In a sparse cloud, most voxels in the crowns contain no point by chance, so that voxels would
+    show far too little canopy.  The pulses are therefore also used if only their first returns are
+    present, and they are treated as vertical if their directions cannot be found.
 
     Raises
     ------
@@ -276,9 +283,13 @@ def sound_beams(
     """
     from aosplan.scenes.pulses.returns import read_returns
 
-    if not any(file.later_returns for file in files):
+    only_first = not any(file.later_returns for file in files)
+    if only_first and not sparse:
         raise UnsoundPulsesError("every point is the only return of its pulse")
     returns, timed = read_returns(files, origin_m, grid.size_m, share)
+    if only_first:
+        single = np.ones_like(returns.number)
+        returns = returns._replace(number=single, total=single)
     if returns.number.size == 0:
         raise UnsoundPulsesError("the plot has no returns")
     returns = clean.split_lines(clean.without_duplicates(returns), timed=timed)
@@ -297,6 +308,8 @@ def sound_beams(
             "their order in the file or by time"
         )
     to_sensor, sound, worst_deg = directions(returns, pulses, trajectory, origin_m)
+    if sparse and trajectory is None and not sound.any():
+        to_sensor[:], sound[:] = [[0.0], [0.0], [1.0]], True
     if not sound.any():
         if trajectory is not None:
             raise RequestError(

@@ -24,7 +24,7 @@ def opacity_rows(opacity: dict[str, Any]) -> list[tuple[str, str]]:
         (
             "Opacity",
             f"from {opacity['pulses']} pulses of {opacity['lines']} flight line{several}, "
-            f"{low:.0f}° to {high:.0f}° off nadir",
+            + (f"{low:.0f}° to {high:.0f}° off nadir" if high else "treated as vertical"),
         ),
         ("Gaps", f"{weighted} of the pulses' energy reaches the ground ({energy})"),
         (
