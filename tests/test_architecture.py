@@ -153,11 +153,11 @@ def test_simulators_do_not_import_the_models():
     assert not {m for m in reached if m.startswith(("aosplan.models", "aosplan.solver"))}
 
 
-def test_only_the_command_line_imports_click():
+def test_only_the_command_line_imports_typer():
     for module, path in MODULES.items():
         found = {name.partition(".")[0] for name, _ in imports_of(path)}
         if not module.startswith(("aosplan.cli", "aosplan.show.text")):
-            assert not found & {"rich", "click"}, path
+            assert not found & {"typer", "rich", "click"}, path
 
 
 # Public names

@@ -66,7 +66,7 @@ def command(*arguments, status=0):
 def test_import_aosplan_loads_no_submodules(loaded):
     slow = {"typing", "dataclasses", "importlib.metadata", "inspect", "re", "argparse", "json"}
     found = loaded("import aosplan")
-    assert not found & (HEAVY | RICH | slow | {"click"})
+    assert not found & (HEAVY | RICH | slow | {"typer", "click"})
     assert {name for name in found if name.startswith("aosplan")} == {"aosplan"}
     assert loaded("import aosplan; aosplan.__version__") == found
 
@@ -133,8 +133,8 @@ def test_tables_load_rich_but_nothing_heavy(arguments, packages):
 
 
 @pytest.mark.parametrize("arguments", [("--help",), ("--version",), ()], ids=" ".join)
-def test_plain_help_loads_click_and_no_command(arguments, loaded, packages):
-    assert "click" in packages(command(*arguments))
+def test_plain_help_loads_typer_and_no_command(arguments, loaded, packages):
+    assert "typer" in packages(command(*arguments))
     assert not packages(command(*arguments)) & (HEAVY | RICH)
     found = {name for name in loaded(command(*arguments)) if name.startswith("aosplan.")}
     assert found == {"aosplan.cli", "aosplan.cli.app", "aosplan.errors"}

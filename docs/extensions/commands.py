@@ -87,13 +87,10 @@ def command(name):
     panels = {}
     for each in named:
         if each not in shared:
-            panels.setdefault(getattr(each, "panel", "Options"), []).append(each)
+            panels.setdefault(getattr(each, "rich_help_panel", None) or "Options", []).append(each)
     lines = [found.help, "", f"```text\n{usage(found, name)}\n```", ""]
     for argument in arguments:
-        lines += [
-            f"`{argument.metavar or argument.name.upper()}`\n: {_text(argument.help_text)}",
-            "",
-        ]
+        lines += [f"`{argument.metavar or argument.name.upper()}`\n: {_text(argument.help)}", ""]
     for panel, members in panels.items():
         lines += [f"**{panel}**", "", *(_option(each) for each in members)]
     if shared:

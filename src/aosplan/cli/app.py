@@ -11,14 +11,14 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-import click
-from click.exceptions import ClickException, Exit, NoSuchOption
+from typer.core import TyperCommand, TyperGroup, TyperOption
+from typer.exceptions import Exit, TyperException
 
 from aosplan import __version__
 from aosplan.errors import AosplanError, RequestError, SurroundingsError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Sequence
+    from collections.abc import Callable, Sequence
 
 PANELS = {
     "Plan a flight": {
@@ -49,20 +49,17 @@ PANELS = {
 COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}
 
 
-class LazyGroup(click.Group):
+class LazyGroup(TyperGroup):
     """A group that has only the summaries of its commands, and imports a command when it is
     called.
     """
 
-    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str, Any, list[str]]:  # noqa: ARG002 (the signature is inherited)
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Find the command that is called, and import it."""
-        name, *rest = args
+        name, command, rest = super().resolve_command(ctx, args)
         if name in COMMANDS:
-            return name, import_module(f"aosplan.cli.{name}").COMMAND, rest
-        from difflib import get_close_matches
-
-        nearest = [repr(known) for known in get_close_matches(name, COMMANDS)]
-        raise RequestError(f"no such command {name!r}", _meant(nearest))
+            command = import_module(f"aosplan.cli.{name}").COMMAND
+        return name, command, rest
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 (the signature is inherited)
         """Write the summaries of the commands, in the groups of the help."""
@@ -97,10 +94,10 @@ def _install_completion(_context: Any, _parameter: Any, shell: str | None) -> No
         raise Exit(0)
 
 
-def _asked(flag: str, callback: Callable[..., None], help_text: str, **kind: Any) -> click.Option:
+def _asked(flag: str, callback: Callable[..., None], help_text: str, **kind: Any) -> TyperOption:
     """An option that is handled immediately, without a command."""
-    return click.Option(
-        [flag],
+    return TyperOption(
+        param_decls=[flag],
         is_eager=True,
         expose_value=False,
         callback=callback,
@@ -116,7 +113,11 @@ GROUP = LazyGroup(
         "apart, and where."
     ),
     epilog="Try: aosplan plan --altitude 40 --vhat 0.98",
-    commands={name: click.Command(name, help=text) for name, text in COMMANDS.items()},
+    commands={
+        name: TyperCommand(name, help=text, rich_markup_mode=None)
+        for name, text in COMMANDS.items()
+    },
+    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
     params=[
         _asked("--version", _show_version, "Print the version.", is_flag=True),
@@ -167,11 +168,15 @@ def run(arguments: Sequence[str] | None = None) -> int:
             answer(GROUP)
             sys.stdout.flush()
             return 0
-        status = _invoke(given or ["--help"])
+        status = GROUP.main(
+            args=given or ["--help"],
+            prog_name="aosplan",
+            standalone_mode=False,
+        )
         sys.stdout.flush()
     except AosplanError as error:
         return _report(error.message, error.hint, error.exit_status)
-    except ClickException as error:
+    except TyperException as error:
         return _report_usage(error)
     except BrokenPipeError:
         return _unheard()
@@ -215,18 +220,6 @@ def _without_table_units(arguments: Sequence[str]) -> list[str]:
                     del rest[place : place + len(words)]
                     os.environ["AOSPLAN_UNITS"] = value
     return rest
-
-
-def _invoke(arguments: list[str]) -> object:
-    """Run the command that the arguments name, and return its result.
-
-    `click.Group.main` is not used, because it prints an empty line after Ctrl-C.
-    """
-    try:
-        with GROUP.make_context("aosplan", arguments) as context:
-            return GROUP.invoke(context)
-    except Exit as done:
-        return done.exit_code
 
 
 def _check_unicode(arguments: Sequence[str]) -> None:
@@ -289,18 +282,15 @@ def _unheard() -> int:
     return 1
 
 
-def _meant(names: Collection[str]) -> str:
-    """Hint about similar names; empty if there are none."""
-    return f"did you mean {', '.join(sorted(names))}?" if names else ""
-
-
-def _report_usage(error: ClickException) -> int:
+def _report_usage(error: TyperException) -> int:
     """Report a mistake in the options, with the message of the parser."""
-    if isinstance(error, NoSuchOption):
-        hint = _meant(error.possibilities or ())
-        return _report(f"no such option: {error.option_name}", hint, 2)
     message = error.format_message().rstrip(".")
-    return _report(message[:1].lower() + message[1:], "", 2)
+    hint = ""
+    for mark in (" Did you mean ", " (Possible options: "):
+        before, found, after = message.partition(mark)
+        if found:
+            message, hint = before.rstrip("."), f"did you mean {after.rstrip('?)')}?"
+    return _report(message[:1].lower() + message[1:], hint, 2)
 
 
 LONGEST_WORD = 200

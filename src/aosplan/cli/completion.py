@@ -20,7 +20,7 @@ from aosplan.errors import RequestError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    import click
+    from typer.core import TyperGroup
 
 VARIABLE = "AOSPLAN_COMPLETE"
 """Environment variable that requests candidates."""
@@ -153,7 +153,7 @@ Candidate = tuple[str, str]
 """A word and its meaning."""
 
 
-def answer(group: click.Group) -> None:
+def answer(group: TyperGroup) -> None:
     """Print the candidates that a shell has requested."""
     if os.environ[VARIABLE] == "bash":
         lines = _for_bash(
@@ -178,7 +178,7 @@ def _of_powershell() -> list[str]:
     return [word.replace("\\\\", "\\") for word in _words(line)[1:]]
 
 
-def _for_bash(line: str, breaks: str, group: click.Group) -> list[str]:
+def _for_bash(line: str, breaks: str, group: TyperGroup) -> list[str]:
     """Candidates for a line up to the cursor. bash splits words at more characters than other
     shells, and inserts a candidate at the beginning of its own last word. The part of the candidate
     before that word is therefore removed.
@@ -204,7 +204,7 @@ def _words(line: str) -> list[str]:
     return [""]
 
 
-def candidates(words: Sequence[str], group: click.Group) -> list[Candidate]:
+def candidates(words: Sequence[str], group: TyperGroup) -> list[Candidate]:
     """Candidates for the last of the words that follow the name of the program."""
     *before, current = words or [""]
     summaries = [(name, _help(each)) for name, each in group.commands.items()]

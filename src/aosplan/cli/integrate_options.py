@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from aosplan.cli.options import PanelOption, file_argument, flag_option, json_option, text_option
+from typer.core import TyperOption
+
+from aosplan.cli.options import file_argument, flag_option, json_option, text_option
 
 
 def integrate_options() -> list[Any]:
@@ -144,8 +146,8 @@ def integrate_options() -> list[Any]:
             "Reduce the weight of each photo towards its edges, so that no seams are visible.",
             image,
         ),
-        PanelOption(
-            "--out",
+        TyperOption(
+            param_decls=["--out"],
             type=str,
             multiple=True,
             metavar="PATH",
@@ -153,7 +155,7 @@ def integrate_options() -> list[Any]:
                 "Write the integral image: .png (8 bits), .tif (float32, georeferenced) or .npz "
                 "(with the number of photos at each pixel).  Repeatable."
             ),
-            panel="Output",
+            rich_help_panel="Output",
         ),
         flag_option(
             "--stretch",

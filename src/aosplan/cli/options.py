@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import click
-from click.exceptions import Exit
+from typer.core import TyperArgument, TyperCommand, TyperOption
+from typer.exceptions import Exit
 
 from aosplan.planning.options import BY_NAME, OPTIONS, Option
 
@@ -46,35 +46,7 @@ ALL = "aosplan.help_all"
 """Key in the context of a command. It is set if the help shows every option."""
 
 
-class PanelOption(click.Option):
-    """An option, and the panel of the help that shows it."""
-
-    def __init__(self, *declarations: str, panel: str = "Options", **properties: Any) -> None:
-        super().__init__(declarations, **properties)
-        self.panel = panel
-
-
-class HelpedArgument(click.Argument):
-    """A positional argument that the help describes like an option."""
-
-    panel = "Options"
-
-    def __init__(self, name: str, *, help_text: str, **properties: Any) -> None:
-        super().__init__([name], type=str, **properties)
-        self.help_text = help_text
-
-    def get_help_record(self, ctx: click.Context) -> tuple[str, str]:  # noqa: ARG002 (the signature is inherited)
-        """The argument and its description."""
-        needed = "  [required]" if self.required else ""
-        return str(self.metavar), self.help_text + needed
-
-    def get_usage_pieces(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 (the signature is inherited)
-        """The argument in the line of usage, in brackets if it is not required."""
-        shown = str(self.metavar)
-        return [shown if self.required or shown.startswith("[") else f"[{shown}]"]
-
-
-class PanelCommand(click.Command):
+class PanelCommand(TyperCommand):
     """A command whose help groups its options and ends with examples.
 
     The short help leaves out the options of a plan that are not in `common`.
@@ -95,7 +67,7 @@ class PanelCommand(click.Command):
                 continue
             record = parameter.get_help_record(ctx)
             if record is not None:
-                panel = getattr(parameter, "panel", "Options")
+                panel = getattr(parameter, "rich_help_panel", None) or "Options"
                 panels.setdefault(panel, []).append(record)
         for panel, records in panels.items():
             with formatter.section(panel):
@@ -137,6 +109,7 @@ def command(
         help=summary,
         epilog=examples,
         params=parameters,
+        rich_markup_mode=None,
     )
     if common is not None:
         made.common = common
@@ -145,10 +118,10 @@ def command(
     return made
 
 
-def _help_all(hidden: int) -> PanelOption:
+def _help_all(hidden: int) -> TyperOption:
     """``--help-all``."""
-    return PanelOption(
-        "--help-all",
+    return TyperOption(
+        param_decls=["--help-all"],
         is_flag=True,
         is_eager=True,
         expose_value=False,
@@ -164,24 +137,30 @@ def _show_all(ctx: Any, _parameter: Any, value: bool) -> None:  # noqa: FBT001
         raise Exit(0)
 
 
-def text_option(flag: str, metavar: str, help_text: str, panel: str = "Options") -> PanelOption:
+def text_option(flag: str, metavar: str, help_text: str, panel: str = "Options") -> TyperOption:
     """An option whose value is text.  The text is parsed later, by aosplan and not by click."""
-    return PanelOption(flag, type=str, metavar=metavar, help=help_text, panel=panel)
+    return TyperOption(
+        param_decls=[flag], type=str, metavar=metavar, help=help_text, rich_help_panel=panel
+    )
 
 
 def flag_option(
     flag: str, help_text: str, panel: str = "Output", *, default: bool | None = False
-) -> PanelOption:
+) -> TyperOption:
     """An option without a value."""
-    return PanelOption(flag, is_flag=True, default=default, help=help_text, panel=panel)
+    return TyperOption(
+        param_decls=[flag], is_flag=True, default=default, help=help_text, rich_help_panel=panel
+    )
 
 
-def file_argument(name: str, help_text: str, *, required: bool = True) -> HelpedArgument:
+def file_argument(name: str, help_text: str, *, required: bool = True) -> TyperArgument:
     """A positional file name."""
-    return HelpedArgument(name, required=required, metavar=name.upper(), help_text=help_text)
+    return TyperArgument(
+        param_decls=[name], type=str, required=required, metavar=name.upper(), help=help_text
+    )
 
 
-def request_options(only: Callable[[Option], bool] = lambda _: True) -> list[PanelOption]:
+def request_options(only: Callable[[Option], bool] = lambda _: True) -> list[TyperOption]:
     """The options of a plan's request.  If an option is not given, its value is None."""
     return [
         flag_option(option.flag, option.help, option.panel, default=None)
@@ -192,7 +171,7 @@ def request_options(only: Callable[[Option], bool] = lambda _: True) -> list[Pan
     ]
 
 
-def positions_argument() -> HelpedArgument:
+def positions_argument() -> TyperArgument:
     """The positions of photos."""
     return file_argument(
         "positions",
@@ -201,7 +180,7 @@ def positions_argument() -> HelpedArgument:
     )
 
 
-def request_argument() -> HelpedArgument:
+def request_argument() -> TyperArgument:
     """A request file, which is not required."""
     return file_argument(
         "request",
@@ -210,7 +189,7 @@ def request_argument() -> HelpedArgument:
     )
 
 
-def defaults_option() -> PanelOption:
+def defaults_option() -> TyperOption:
     """``--defaults``."""
     return text_option(
         "--defaults",
@@ -219,17 +198,17 @@ def defaults_option() -> PanelOption:
     )
 
 
-def output_options() -> list[PanelOption]:
+def output_options() -> list[TyperOption]:
     """The options of commands that write waypoints."""
     return [
-        PanelOption(
-            "--out",
+        TyperOption(
+            param_decls=["--out"],
             type=str,
             multiple=True,
             metavar="PATH",
             help="Write a mission file.  The extension or NAME:PATH selects the format.  "
             "Repeatable.",
-            panel="Output",
+            rich_help_panel="Output",
         ),
         text_option(
             "--format", "NAME", "Format of the mission file, for a single --out.", "Output"
@@ -240,13 +219,12 @@ def output_options() -> list[PanelOption]:
     ]
 
 
-def json_option() -> PanelOption:
+def json_option() -> TyperOption:
     """``--json``."""
-    return PanelOption(
-        "as_json",
-        "--json",
+    return TyperOption(
+        param_decls=["as_json", "--json"],
         is_flag=True,
         default=False,
         help="Print the result as a JSON document.",
-        panel="Output",
+        rich_help_panel="Output",
     )

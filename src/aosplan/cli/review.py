@@ -6,8 +6,9 @@ import math
 import os
 from typing import TYPE_CHECKING, Any
 
+from typer.core import TyperOption
+
 from aosplan.cli.options import (
-    PanelOption,
     command,
     defaults_option,
     file_argument,
@@ -247,8 +248,8 @@ COMMAND = command(
         *request_options(lambda option: option.name not in ("resume_at", "sensitivity", "within")),
         defaults_option(),
         *output_options(),
-        PanelOption(
-            "--coverage-map",
+        TyperOption(
+            param_decls=["--coverage-map"],
             type=str,
             multiple=True,
             metavar="COV.tif",
@@ -256,7 +257,7 @@ COMMAND = command(
                 "Write the coverage of an area: a raster (.tif), the gaps (.geojson) or a "
                 "picture (.svg).  Repeatable."
             ),
-            panel="Output",
+            rich_help_panel="Output",
         ),
     ],
 )

@@ -5,14 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from aosplan.cli.options import (
-    HelpedArgument,
-    PanelOption,
-    command,
-    flag_option,
-    json_option,
-    request_options,
-)
+from typer.core import TyperArgument, TyperOption
+
+from aosplan.cli.options import command, flag_option, json_option, request_options
 from aosplan.cli.output import check_apart, print_json, print_warnings, progress_bar
 from aosplan.errors import RequestError
 from aosplan.show.text.terminal import print_notice
@@ -82,12 +77,13 @@ COMMAND = command(
     summary="Print how much of the ground a forest hides, and at which heights.",
     examples=("aosplan scene stand.laz --save stand.npz\naosplan scene north.laz south.laz --json"),
     parameters=[
-        HelpedArgument(
-            "scene",
+        TyperArgument(
+            param_decls=["scene"],
+            type=str,
             nargs=-1,
             required=False,
             metavar="[SCENE]...",
-            help_text="Point clouds of one stand (.las, .laz, a folder or a pattern), a canopy height "
+            help="Point clouds of one stand (.las, .laz, a folder or a pattern), a canopy height "
             "raster (.tif), a scene file (.toml, .json, .npz, .csv), or a preset.",
         ),
         *request_options(
@@ -95,14 +91,14 @@ COMMAND = command(
                 option.name == "edges" or (option.panel == "Scene" and option.name != "scene")
             )
         ),
-        PanelOption(
-            "--save",
+        TyperOption(
+            param_decls=["--save"],
             type=str,
             multiple=True,
             metavar="PATH",
             help="Save the scene in a file that loads quickly: .toml (statistics) or .npz "
             "(voxels).  Repeatable.",
-            panel="Output",
+            rich_help_panel="Output",
         ),
         flag_option("--force", "Overwrite an existing file."),
         flag_option("--quiet", "Print no table and no warnings."),

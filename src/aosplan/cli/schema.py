@@ -5,7 +5,9 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from aosplan.cli.options import HelpedArgument, command
+from typer.core import TyperArgument
+
+from aosplan.cli.options import command
 from aosplan.cli.output import print_json
 from aosplan.errors import RequestError
 from aosplan.units import nearest_hint
@@ -69,11 +71,12 @@ COMMAND = command(
     summary="Print the JSON Schema of a document, or of all of them by name.",
     examples="aosplan schema plan\naosplan schema > schemas.json",
     parameters=[
-        HelpedArgument(
-            "document",
+        TyperArgument(
+            param_decls=["document"],
+            type=str,
             required=False,
             metavar="DOCUMENT",
-            help_text="Name of a document: plan, request, scene, camera, statistics, visibility, "
+            help="Name of a document: plan, request, scene, camera, statistics, visibility, "
             "poses, integral, sweep, …",
         )
     ],

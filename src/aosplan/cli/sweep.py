@@ -7,9 +7,10 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from typer.core import TyperOption
+
 from aosplan import __version__
 from aosplan.cli.options import (
-    PanelOption,
     command,
     defaults_option,
     file_argument,
@@ -286,13 +287,13 @@ COMMAND = command(
             "Keep only the row with the largest value of this column (-COLUMN: with the smallest).",
             "Output",
         ),
-        PanelOption(
-            "--per",
+        TyperOption(
+            param_decls=["--per"],
             type=str,
             multiple=True,
             metavar="COLUMNS",
             help="With --best: keep one row for each combination of values of these columns.",
-            panel="Output",
+            rich_help_panel="Output",
         ),
         flag_option(
             "--summary",
