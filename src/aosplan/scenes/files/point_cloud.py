@@ -229,7 +229,7 @@ def read_voxels(
     squares = math.ceil(SPACINGS_ACROSS * spacing_m / voxel_m)
     columns = touched.reshape(plot.rows, plot.columns)
     covered = footprint(columns, squares)
-    strange = (
+    known = (
         *warnings,
         *strange,
         *outliers.outliers_above(volume),
@@ -250,7 +250,7 @@ def read_voxels(
         later = any(file.later_returns for file in files)
         of_opacity = pulse_doubts(volume, found.opacity, later_returns=later)
     doubts = cloud_doubts(volume, covered, assumed=ground == "auto")
-    volume = replace(volume, warnings=(*strange, *doubts, *of_opacity))
+    volume = replace(volume, warnings=(*known, *doubts, *of_opacity))
     return located(volume, files)
 
 
