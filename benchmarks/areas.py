@@ -1,13 +1,14 @@
-"""Time to plan an area by its number of sites, and length of its flight divided by a lower bound.
+"""Time to plan an area as a function of its number of sites, and length of its flight divided by a
+lower bound of this length.
 
     python benchmarks/areas.py
     python benchmarks/areas.py --sites 1e2 1e4 1e6 --runs 5
 
-Each area is a disc, a comb of sixteen strips, or a disc with a no-fly zone in it.  Its size is
-chosen so that it needs about the given number of sites.  Sites are 2.8 m apart, and each aperture
-has 50 sites.  Rows are written to results/areas.csv.  They have the median seconds to read the
-file, to find the sites, to order the sites, and to compute a lower bound of the length for any
-order.  They also have the length of the flight divided by this bound, and the share of the area
+Each area is a disc, a comb of sixteen strips, or a disc with a no-fly zone in it. Its size is
+chosen so that it needs about the given number of sites. Sites are 2.8 m apart, and each aperture
+has 50 sites. Rows are written to results/areas.csv. Each row has four medians of times in seconds:
+to read the file, to find the sites, to order the sites, and to compute a lower bound of the length
+for any order. It also has the length of the flight divided by this bound, and the share of the area
 that is covered.
 """
 

@@ -5,14 +5,14 @@ from 40 m above
 
 - a uniform scene, the paper's forest,
 - a layered scene, `examples/stand.toml`,
-- a real stand from the point cloud, or generated trees if no cloud is given.  The methods are the
-  uniform model, the layered model, the measured model, and the simulation.  For the first two
-  scenes, the measured model uses one random plot.  The simulation has several numbers of volumes,
-  or of targets for the real stand.  The error is the larger one of the errors at the two baselines;
-  for simulations, it is the root mean square over seeds.  The reference is a simulation with many
-  more volumes.  Its standard error is drawn as a dotted line.  For the real stand, the reference is
-  computed from all voxels, with 12 x 12 targets each.  Times are for one prediction with the scene
-  in memory.  They are processor times, and the median of three runs.
+- a real stand from the point cloud, or generated trees if no cloud is given. The methods are the
+  uniform model, the layered model, the measured model, and the simulation. For the first two
+  scenes, the measured model uses one random plot. The simulation has several numbers of volumes, or
+  of targets for the real stand. The error is the larger of the errors at the two baselines. For
+  simulations, it is the root mean square over seeds. The reference is a simulation with many more
+  volumes. Its standard error is drawn as a dotted line. For the real stand, the reference is
+  computed from all voxels, with 12 x 12 targets each. Times are for one prediction with the scene
+  in memory. They are processor times, and the median of three runs.
 
 It takes some minutes, prints a table, and writes it to benchmarks/results/ together with a figure.
 """

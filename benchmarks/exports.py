@@ -59,7 +59,7 @@ def gdal(name: str, count: int, folder: str) -> tuple[float, int, int]:
     import numpy as np
     from pyogrio import raw
 
-    path = os.path.join(folder, f"ours.{name}")  # the file that `ours` has written
+    path = os.path.join(folder, f"ours.{name}")  # This is the file that `ours` has written.
     out = os.path.join(folder, f"gdal.{name}")
     warnings.simplefilter("ignore")
     os.environ["OGR_GEOJSON_MAX_OBJ_SIZE"] = "0"

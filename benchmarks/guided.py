@@ -1,22 +1,24 @@
-"""Guided positions and plain grids of the same time, judged on data that they were not chosen from.
+"""Guided positions and plain grids with the same flight time, judged with other data than those
+from which they were chosen.
 
     python benchmarks/guided.py UAS_Clip.laz
 
-Plans with ``--grid guided`` are made above discs of ground, within two times from take-off to landing
-and with photos 0.7 s apart while flying.  Each is compared with the plain grids that the plan
-compares itself with: lanes and a single line, at stops and while flying, whose rows, columns and
-spacings are chosen with the same half of the pulses.  Judges are
+Plans with ``--grid guided`` are made above discs of ground, within two times from take-off to
+landing and with photos 0.7 s apart while flying. Each plan is compared with its own plain grids:
+lanes and a single line, with photos at stops and while flying. Their rows, columns and spacings are
+chosen with the same half of the pulses. The plans are judged with
 
-- *half*: the other half of the pulses, as in the plan itself,
-- *line*: for plans with the pulses of a single flight line, the stand by the other flight line,
+- *half*: the other half of the pulses, as in the plan itself;
+- *line*: for plans with the pulses of a single flight line, the stand from the other flight line;
 - *leaves*: for scans of generated stands, rays that are cast through their leaves.
 
-`offered` says whether the plan offers its positions, or refuses because they are not certainly
-better.  `own` and `least` are the predictions of the plan itself, and those with dense foliage
-wherever no pulse has passed.  *Found* is the share of targets of contrast 2 that the detector of `aosplan simulate` finds
-in a simulated integral image of the judging stand.  The best plain grid is the best by the judge,
-with hindsight, which favours it.  `results/guided.csv` has a row for each plan, and
-`results/guided_summary.csv` the mean differences with standard errors over the discs.
+`offered` is true if the plan has guided positions, and false if they were refused because they are
+not better than the plain grids. `own` is the prediction of the plan itself, and `least` is the
+prediction with dense foliage wherever no pulse has passed. *Found* is the share of targets of
+contrast 2 that the detector of `aosplan simulate` finds in a simulated integral image of the
+judging stand. The best plain grid is chosen by the judge after the fact, which favours it.
+`results/guided.csv` has a row for each plan, and `results/guided_summary.csv` the mean differences
+with standard errors over the discs.
 """
 
 from __future__ import annotations
@@ -67,7 +69,7 @@ DISCS = (
     *((at, 2.0) for at in ((0, 0), (3, 3), (-4, 2), (4, -3), (-3, -4), (0, 4), (0, -4))),
     *((at, 4.0) for at in ((0, 0), (2, -3))),
 )
-"""Middles east and north of the plot's, and radii [m]."""
+"""Centres relative to the middle of the plot (east, north), and radii [m]."""
 
 FEWER = (((0, 0), 2.0), ((3, 3), 2.0), ((-3, 2), 2.0), ((0, -1), 4.0))
 COLUMNS = (
@@ -77,7 +79,7 @@ COLUMNS = (
 
 
 def planned(loaded, at, radius_m, minutes):
-    """A guided plan, and whether it is offered."""
+    """A guided plan, and whether it was accepted."""
     offered, refuses = [], guided._check_better  # noqa: SLF001
 
     def check(result, expected):
@@ -109,7 +111,7 @@ def away(place, at):
 
 
 def model_of(volume, made):
-    """Predictions by another volume for the target area of a plan."""
+    """Model that predicts with another volume for the target area of a plan."""
     area = target_area_of(made.inputs)
     frame = plot_frame(volume, area.origin)
     return PlaceModel(PlaceViews(volume, ALTITUDE_M, area.on(frame)), frame)
@@ -122,7 +124,8 @@ def sites_of(made):
     for each in made.guided.plain:
         along_m, across_m = each.pitch_m
         offsets = np.array(list(Pattern(each.rows, each.columns, across_m / along_m).offsets()))
-        # Rows are along the heading, north; like the plan's, they are on whole metres.
+        # Rows are along the heading, which is north. Like the rows of the plan, they are at whole
+        # metres.
         sites = offsets[:, ::-1] * along_m
         found[f"{each.kind}, {each.trigger}"] = sites + 0.5 * (np.round(2 * sites[0]) % 2)
     return found
@@ -194,7 +197,9 @@ def rows_of(name, judge, loaded, judging, discs, leaves=None):
 
 
 def loaded_with(path, line=None):
-    """The scene of a cloud with halves, with all pulses or those of one flight line."""
+    """The scene of a cloud with both halves of its pulses: of all pulses, or of the pulses of one
+    flight line.
+    """
     every = fit.sound_beams
 
     def some(*given, **named):

@@ -2,11 +2,12 @@
 
 Run: python benchmarks/report.py [--repeats 5]
 
-The plans have 50, 5 000 and 500 000 photos in a rotated grid, with and without a location.  Their
-pages are opened by the headless Chromium on the PATH.  Times are medians.  `first_paint_ms` and
-`ready_ms` are measured from the start of navigation.  At `ready_ms`, the map is complete.
-`redraw_ms` is the time of one movement of the map with all photos visible.  `hover_us` is the time
-of the search for the photo at the pointer.  It writes benchmarks/results/report.csv.
+The plans have 50, 5 000 and 500 000 photos in a rotated grid, with and without a location. Their
+pages are opened by the headless Chromium on the PATH. Times are medians. `first_paint_ms` and
+`ready_ms` are measured from the start of navigation. At `ready_ms`, the map is complete.
+`redraw_ms` is the time of one movement of the map with all photos visible. `hover_us` is the time
+of the search for the photo at the pointer. The results are written to
+benchmarks/results/report.csv.
 """
 
 from __future__ import annotations

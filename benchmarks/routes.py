@@ -3,11 +3,11 @@
     python benchmarks/routes.py
     python benchmarks/routes.py --sites 1e3 1e5 1e6
 
-It plans routes over square grids with sites 2.8 m apart.  For each kind of route, it prints the
-microseconds per site, and this time divided by the time for the positions alone.  It also prints
-the growth: the time increases as sites^k from the previous grid, and k is printed.  The terrain is
-a raster of hills with pixels of 1 m, written to a temporary folder.  Times are medians of runs in
-one process, without imports.
+It plans routes over square grids with sites 2.8 m apart. For each kind of route, it prints the
+microseconds per site, and this time divided by the time for the positions alone. It also prints the
+growth k: compared with the previous grid, the time has increased as sites^k. The terrain is a
+raster of hills with pixels of 1 m, written to a temporary folder. Times are medians of runs in one
+process, without imports.
 
 It writes benchmarks/results/routes.csv.
 """

@@ -6,11 +6,11 @@
 It writes LAZ tiles of crowns over hilly ground to a temporary folder, and prints a row for each
 tile.
 
-One column has the seconds that ``laspy`` takes to read x, y and z of all points (``metres``).
-Other columns have the seconds and the peak memory of the complete commands ``aosplan scene TILE
---json`` and ``aosplan plan --scene TILE --json``, without the cache.  The last columns are for the
-first of these commands with a crop of 200 m.  Times are medians of processor time.  Each run is a
-separate process on one core.
+One column has the seconds that ``laspy`` takes to read x, y and z of all points (``metres``). Other
+columns have the seconds and the peak memory of the complete commands ``aosplan scene TILE --json``
+and ``aosplan plan --scene TILE --json``, without the cache. The last columns are for the command
+``aosplan scene`` with a crop of 200 m. Times are medians of processor time. Each run is a separate
+process on one core.
 
 A second table compares samples of the targets of the 500 m tile with all its targets.  It has the
 largest differences of p, V and V̂ for some plans at 60 m.
@@ -162,8 +162,8 @@ def main() -> None:
         for tile in options.tiles:
             side, points = (int(float(part)) for part in tile.split(":"))
             path = Path(folder) / f"{side}.laz"
-            # The peak memory of a child process starts with that of its parent. The tiles are
-            # therefore written by another process.
+            # The tiles are written by another process, because the peak memory of a child process
+            # starts with the peak memory of its parent.
             writer = multiprocessing.get_context("spawn").Process(
                 target=write_tile, args=(path, points, side)
             )

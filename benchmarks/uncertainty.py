@@ -2,13 +2,13 @@
 
     python benchmarks/uncertainty.py [CLOUD.laz ...]
 
-Each plot is cut into two halves (west and east, and south and north) and into four quarters.  Grids
+Each plot is cut into two halves (west and east, and south and north) and into four quarters. Grids
 of 9, 25 and 49 photos are predicted for all parts by the measured model, telecentric and in
-perspective.  The difference of p̄, V and V̂ between two parts is divided by its standard error,
-which is the root of the sum of the squares of both standard errors.  Only the contribution `plot`
-is used, because both parts have the same error of opacity.  If differences are normally
-distributed, 68 % of these ratios are within 1, and 95 % are within 2.  Grids whose rays cross more
-than half of a part are left out.
+perspective. The difference of p̄, V and V̂ between two parts is divided by its standard error. This
+is the root of the sum of the squares of the standard errors of both parts. Only the contribution
+`plot` of the standard errors is used, because both parts have the same error of opacity. If
+differences are normally distributed, 68 % of these ratios are within 1, and 95 % are within 2.
+Grids whose rays cross more than half of a part are left out.
 
 The plots are generated stands of 24 m and 48 m whose numbers of trees are Poisson distributed, and
 clouds if they are given.  Each cloud is used with the opacity from its pulses, if it has pulses,
@@ -58,7 +58,7 @@ VIEWS = ("telecentric", "perspective")
 SEEDS = 4
 SEED = 1
 MOST_HIDDEN = 0.97
-"""Largest share of hidden columns.  If it is larger, only a few gaps remain, and the cloud is left
+"""Largest share of hidden columns. Clouds with a larger share have only a few gaps and are left
 out.
 """
 

@@ -163,7 +163,7 @@ def test_flights_are_reviewed_and_thinned_as_by_the_commands(placed, tmp_path, d
     found = aosplan.review(flown, placed)
     assert found.document() == document("review", flown, plan)
     assert found.missing == [7, 8, 9]
-    # The time of the top-up, as of the command; the plan keeps its own.
+    # As in the command, this is the time of the top-up. The plan keeps its own time.
     minutes = found.topup.route.total_time_s / 60.0 - 0.01
     shorter = aosplan.review(flown, placed, within=minutes)
     assert shorter.document() == document("review", flown, plan, "--within", minutes)

@@ -50,7 +50,7 @@ def test_the_area_is_the_ground_within_the_radius_of_a_point(tmp_path, text):
         axis=0,
     )
     assert inside[nearest < 9.9999].all()
-    assert not inside[nearest > 10.05].any()  # the corners of 32-gons are at 10.049 m
+    assert not inside[nearest > 10.05].any()  # The corners of 32-gons are at 10.049 m.
     assert 1000 < inside.sum() < 19_000
 
 

@@ -187,8 +187,8 @@ def test_site_counts_equal_a_direct_count_after_sites_are_removed(shape, samples
 
 
 def test_every_point_of_a_cell_sees_the_whole_trimmed_pattern():
-    # From every point, exactly the sites of the pattern are seen, and not only the same number of
-    # sites.
+    # Every point is seen from exactly the sites of the pattern. The test is stricter than a
+    # comparison of the number of sites.
     pattern = pattern_for("trimmed", 50)
     shape = shapely.multipolygons([shapely.Point(0, 0).buffer(9.0)])
     _, lattice, placements, sites, _ = planned(shape, pattern, (2.8, 2.8))

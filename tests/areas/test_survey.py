@@ -128,7 +128,9 @@ class Judge:
 WITH_A_SLIVER = shapely.MultiPolygon(
     [shapely.Polygon([(-0.25, -0.433), (-0.25, 0.433), (1, 0)]), shapely.box(1.5, -18, 37.5, 18)]
 )
-"""The triangle is narrower than half a metre and has less than a thousandth of the area."""
+"""An area with a triangle that is narrower than half a metre and has less than a thousandth of the
+area.
+"""
 
 
 @quick

@@ -276,7 +276,7 @@ EFFECTS = {
     ),
     "climb": (
         ["--climb", "1"],
-        # 40 m up and down; each takes h/v + v/a.
+        # The climb and the descent of 40 m each take h/v + v/a.
         lambda r, d: math.isclose(
             r["flight"]["total_time_s"] - d["flight"]["total_time_s"],
             2 * (40 / 1 + 1 / 2) - 2 * (40 / 3 + 3 / 2),
@@ -303,7 +303,8 @@ EFFECTS = {
     ),
     "wind_speed": (
         ["--wind-speed", "14", "--wind-from", "0"],
-        # On northward legs, the ground speed is 15 - 14 = 1 m/s. Other legs keep their speed.
+        # On northward legs, the ground speed is 15 - 14 = 1 m/s. The speed on other legs does not
+        # change.
         lambda r, d: r["flight"]["time_s"] > d["flight"]["time_s"] + 10,
     ),
     "wind_from": (

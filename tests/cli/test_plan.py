@@ -180,7 +180,7 @@ def test_grids_have_at_least_the_required_samples(plan_of, kind, rows, columns, 
 def test_objectives_are_the_best_of_all(plan_of, objective):
     measure = {
         "samples": lambda r: r["samples"],
-        # It is the smallest extent, within the 1 % that is accepted to save samples.
+        # The extent is at most 1 % larger than the smallest one. This is accepted to save samples.
         "aperture": lambda r: extent(r) / 1.01,
         "time": lambda r: r["flight"]["time_s"],
     }[objective]

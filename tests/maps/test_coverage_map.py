@@ -117,7 +117,8 @@ def test_a_search_is_topped_up_until_its_detection_is_as_planned(tmp_path, squar
     assert detection.flown < detection.planned - 0.02
     assert detection.planned - 0.02 < detection.completed < detection.planned + 0.01
     assert coverage.document()["rule"] == "detection"
-    # If all planned photos of a place were taken, its probability of detection is as planned.
+    # If all planned photos of a place were taken, its probability of detection equals the planned
+    # one.
     same = inside & (coverage.flown == coverage.planned)
     change = coverage.planned_detection[same] - coverage.flown_detection[same]
     assert np.abs(change).max() < 0.05

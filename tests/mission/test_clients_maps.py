@@ -1,4 +1,5 @@
-"""Programs for maps read the files: GDAL, fastkml with the OGC schema, geojson, and litchi-wp.
+"""Programs for maps read the written files: GDAL, fastkml with the OGC schema, geojson, and
+litchi-wp.
 
 If a program is not installed, its tests are skipped.
 """

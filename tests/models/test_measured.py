@@ -172,9 +172,7 @@ def test_an_altitude_below_the_canopy_is_refused(forest):
 
 # --- Against the other models ----------------------------------------------------------------
 #
-# If views shift by whole targets and a slice is thin compared with its height, rays meet one cell
-# of it.  Single slices and independent slices then have the expectations of Eq. 2 and of the
-# layered model without bias.
+# If views shift by whole targets, and a slice is thin compared with its height, each ray meets one cell of the slice. The expected values for single slices and for independent slices are then exactly those of Eq. 2 and of the layered model.
 
 
 def assert_expected(values, expected):

@@ -29,8 +29,8 @@ def disc(radius_m, middle=(0.0, 0.0)):
 
 
 def is_hidden(stand, target, camera):
-    """Whether a ray meets a cube: it is cut at all faces that it crosses, and each piece between
-    two cuts lies in one cube.
+    """Whether a ray meets a cube. The ray is cut at all faces that it crosses, and each piece
+    between two cuts is tested.
     """
     slices, rows, columns = stand.occupied.shape
     start = np.array([*target, 0.0])
@@ -56,8 +56,9 @@ def test_shares_are_those_of_rays_cast_one_by_one():
     expected = np.array(
         [[is_hidden(stand, target, camera) for target in views.targets_m] for camera in cameras]
     )
-    assert expected.mean() == pytest.approx(0.6, abs=0.25)  # neither open nor closed
-    # A ray through the corner of a slice may be given the wrong one of two cubes.
+    # The place is neither open nor completely hidden.
+    assert expected.mean() == pytest.approx(0.6, abs=0.25)
+    # For a ray through the corner of a slice, the model may choose the wrong one of two cubes.
     assert (found == expected).mean() > 0.97
     assert found.mean(axis=1) == pytest.approx(expected.mean(axis=1), abs=0.03)
 
@@ -76,7 +77,7 @@ def test_a_place_that_moves_with_the_stand_looks_the_same():
     cameras = np.random.default_rng(4).uniform(-5.0, 5.0, (20, 2))
     here = PlaceViews(stand, ALTITUDE_M, disc(1.5)).hidden(cameras)
     there = PlaceViews(moved, ALTITUDE_M, disc(1.5, by)).hidden(cameras + by)
-    assert (here == there).mean() > 0.999  # positions on a face may round to either side
+    assert (here == there).mean() > 0.999  # Positions on a face may be rounded to either side.
 
 
 def test_the_prediction_counts_joint_occlusion():

@@ -314,7 +314,7 @@ def test_every_objective_takes_noise_into_account(model, optimize):
         "aperture": lambda p: max(p.extent_m),
         "time": lambda p: p.document()["flight"]["time_s"],
     }[optimize]
-    if optimize == "aperture":  # For close sites, the noise increases the aperture.
+    if optimize == "aperture":  # If sites are close together, the noise increases the aperture.
         assert measure(held) != measure(without)
     else:
         assert measure(held) > measure(without)

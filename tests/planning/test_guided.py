@@ -56,10 +56,11 @@ def test_the_plan_is_flown_within_the_time_and_within_reach(guided):
     footprint = guided.inputs.footprint_m
     east, north = np.array(guided.waypoints.east_m), np.array(guided.waypoints.north_m)
     assert len(set(zip(east.tolist(), north.tolist(), strict=True))) == len(east)
-    # At heading 0, a photo is `footprint` along north and east and shows the whole disc.
+    # At heading 0, the size of a photo is `footprint` along north and east. Every photo shows the
+    # whole disc.
     assert np.abs(north).max() + RADIUS_M <= 0.5 * footprint[0] + 1e-9
     assert np.abs(east).max() + RADIUS_M <= 0.5 * footprint[1] + 1e-9
-    # The order is short: not longer than from the nearest to the nearest site.
+    # The path is at most as long as a path that always continues to the nearest remaining site.
     legs = np.hypot(np.diff(east), np.diff(north))
     left, here, greedy = list(range(1, len(east))), 0, 0.0
     while left:

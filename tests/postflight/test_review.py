@@ -273,7 +273,8 @@ def test_an_area_has_its_missing_sites_and_a_top_up_around_its_zones(tmp_path, c
     zones = detour.NoFlyZones(area.keep_out)
     sites = np.array([(way["east_m"], way["north_m"]) for way in ways])
     apart = zones.cross(np.repeat(sites[:1], len(sites), axis=0), sites)
-    gone = [ways[0], ways[np.flatnonzero(apart)[0]]]  # The mast is between the two sites.
+    # The mast of the no-fly zone is between the two sites.
+    gone = [ways[0], ways[np.flatnonzero(apart)[0]]]
     points = [(way["latitude"], way["longitude"]) for way in ways if way not in gone]
     csv_of(tmp_path / "f.csv", points, "latitude,longitude")
     status, text, _ = command("review", "f.csv", *line, "--out", "top.csv", "--json")

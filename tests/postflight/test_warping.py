@@ -62,7 +62,7 @@ def assembled(pixels, lens, view, raster, relief_m=None):
 @pytest.mark.parametrize(("yaw_deg", "tilt_deg"), [(0.0, 0.0), (31.0, 8.0), (200.0, 50.0)])
 @pytest.mark.parametrize("tile_px", [97, 1024])
 def test_the_error_of_interpolation_is_small_for_noise(monkeypatch, k1, yaw_deg, tilt_deg, tile_px):
-    # Noise has the largest differences between neighbouring pixels, up to 255.
+    # Noise is a hard test, because differences between neighbouring pixels are up to 255.
     monkeypatch.setattr(warping, "TILE_PX", tile_px)
     lens = LENS._replace(k1=k1)
     view, raster = tilted(yaw_deg, tilt_deg), Raster.over((-30, -25, 33, 29), 0.071)

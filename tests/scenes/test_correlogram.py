@@ -99,8 +99,8 @@ def test_an_entry_is_the_mean_over_pairs_about_the_middle(forest, table, directi
     middles = [(0.0 * apart, 2), (across, 2), (-across, 2), (0.5 * apart, 1), (-0.5 * apart, 1)]
     total = 0.0
     for middle, weight in middles:
-        # The positions are computed in the same way as the pairs of the table, because a difference
-        # of 1e-9 m may change the rounding.
+        # The positions are computed exactly as in the table, because even a difference of 1e-9 m
+        # may change the rounding to whole targets.
         pair = [middle - 0.5 * apart, middle + 0.5 * apart]
         (p, both), (_, q) = model.joint_density(pair)
         total += weight * (both - p * q) / math.sqrt(p * (1 - p) * q * (1 - q))

@@ -88,8 +88,9 @@ volumes = st.tuples(st.integers(1, 5), st.integers(1, 7), st.integers(1, 19)).fl
 
 @given(volumes, st.integers(1, 5), st.data())
 def test_rays_along_an_axis_are_exact(occupied, per_voxel, data):
-    # Such rays do not meet cells at the side, and shifts by whole targets per slice are not
-    # rounded. All targets are therefore exact, up to a shift of one voxel per slice.
+    # Rays along an axis do not meet cells at their side, and shifts by whole targets per slice are
+    # not rounded. The result is therefore exact for all targets, up to a shift of one voxel per
+    # slice.
     volume = VoxelVolume(occupied, 0.5)
     altitude = 16.0
     shift = data.draw(st.integers(-per_voxel, per_voxel))
@@ -318,7 +319,7 @@ def test_how_perspective_views_are_divided_changes_nothing(scrub, slice_m, monke
     monkeypatch.setattr(occlusion_module, "POSITIONS_AT_ONCE", 1)
     again = Occlusion(volume, 20.0, view="perspective")
     assert (again.masks(offsets) == masks).all()
-    # So few rows that most rows of the plot are not met.
+    # The window has so few rows that rays do not meet most rows of the plot.
     window = PlotWindow(9, 5, whole.rows // 3, 70)
     part = Occlusion(volume, 20.0, view="perspective", window=window)
     assert (part.unpack(part.masks(offsets)) == whole.unpack(masks, window)).all()

@@ -247,7 +247,7 @@ def _real_beams():
 @pytest.mark.slow
 @pytest.mark.skipif(not UAS.exists(), reason="needs the cloud")
 def test_the_voxel_hardly_matters_on_the_real_cloud():
-    """p̄ and V do not depend on the voxel.
+    """p̄ and V hardly depend on the size of voxels.
 
     Two prototypes without factors of columns had p 0.62 to 0.63 at nadir, p̄ 0.65, V 0.52 and V̂ 0.76;
     with these factors, the likelihood of held-out pulses is higher.

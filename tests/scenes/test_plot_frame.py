@@ -17,7 +17,7 @@ def test_the_place_of_a_cloud_is_its_middle(tmp_path, system):
     xyz = xyz + np.array([[east], [north], [0.0]])
     path = write_cloud(tmp_path / "a.laz", xyz, kind, offset=[east, north, 0.0], crs=system)
     volume = read_voxels(path)
-    # Of a cloud of 20 x 12 m; the scale of the projection is not 1.
+    # The cloud is 20 x 12 m large. The scale of the projection is not 1.
     x, y = xyz[0].min() + 0.5 * np.ptp(xyz[0]), xyz[1].min() + 0.5 * np.ptp(xyz[1])
     project = pyproj.Transformer.from_crs(system, "EPSG:4326", always_xy=True)
     longitude, latitude = project.transform(x, y)
@@ -28,7 +28,7 @@ def test_the_place_of_a_cloud_is_its_middle(tmp_path, system):
     convergence = pyproj.Proj(crs).get_factors(*degrees).meridian_convergence
     assert abs(convergence) > 1.0
     assert abs(volume.turn_deg) == pytest.approx(abs(convergence), abs=0.01)
-    # Grid north, followed from the middle, is where the turn says.
+    # From the middle of the plot, the direction of grid north is `turn_deg`.
     further = project.transform(x, y + 100.0)
     azimuth = pyproj.Geod(ellps="WGS84").inv(longitude, latitude, *further)[0]
     assert volume.turn_deg == pytest.approx(azimuth, abs=0.01)

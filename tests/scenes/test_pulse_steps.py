@@ -190,7 +190,8 @@ def test_one_level_of_shrinkage_by_hand():
     a, overall = 0.4, 3.0 / 12.0
     layer = (3.0 + a) / (12.0 + a / overall)
     expected = [(3.0 + a) / (10.0 + a / layer), a / (2.0 + a / layer)]
-    # The same for the columns, from what was intercepted and what these rates predict.
+    # The same shrinkage for columns, computed from the intercepted energy and from the energy that
+    # these rates predict.
     predicted = [10.0 * expected[0], 2.0 * expected[1]]
     overall = 3.0 / sum(predicted)
     layer = (3.0 + 1.0) / (sum(predicted) + 1.0 / overall)
@@ -201,7 +202,9 @@ def test_one_level_of_shrinkage_by_hand():
 
 
 def test_gaps_from_the_ground_to_the_top_stay_open():
-    """Columns that nothing intercepts beside columns of crowns, with few pulses in each."""
+    """Some columns have no interception. They are beside columns of crowns, and each column has few
+    pulses.
+    """
     rng = np.random.default_rng(2)
     crown = np.kron(rng.random((8, 8)) < 0.5, np.ones((4, 4)))
     path = np.full((32, 32, 32), 0.5, np.float32)
@@ -265,8 +268,8 @@ def test_what_is_wrong_with_a_trajectory_is_said(tmp_path, text, said):
 
 
 def test_wrongly_grouped_pulses_do_not_change_the_sensor_track():
-    """The returns of such pulses are far apart, so that a least-squares fit to all pulses would be
-    wrong.
+    """The returns of such pulses are far apart. A least-squares fit to all pulses would therefore
+    be wrong.
     """
     rng = np.random.default_rng(12)
     found, sensor = flown_pulses(rng)

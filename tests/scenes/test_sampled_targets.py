@@ -178,6 +178,6 @@ def test_the_correlogram_of_a_sample_is_that_of_the_plot(monkeypatch):
     monkeypatch.setattr(sampled_targets, "SAMPLE", 100_000)
     sample = correlogram(volume)
     assert not np.array_equal(whole.rho, sample.rho)
-    # of 0.1 million targets instead of a million
+    # The sample has 0.1 million targets instead of a million.
     assert np.abs(sample.rho - whole.rho).max() < 0.01
     assert np.abs(sample.density_by_offset - whole.density_by_offset).max() < 0.004

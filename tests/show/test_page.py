@@ -1,6 +1,6 @@
 """The report: tests of its content as text, and of its file.
 
-`test_report_browser.py` opens it in a real browser.
+`test_page_browser.py` opens the report in a real browser.
 """
 
 import itertools
@@ -328,7 +328,7 @@ def test_heights_along_the_way_are_those_of_the_waypoints(folder):
     metres_a_unit = (float(high.text) - float(low.text)) / (low.place - high.place)
     drawn = float(low.text) + metres_a_unit * (low.place - places["ground"][:, 1])
     assert drawn == pytest.approx(ground, abs=0.051 * metres_a_unit)
-    # Written with a tenth of a unit.
+    # Positions are written with a precision of a tenth of a unit.
     for name, above in (("canopy", flown.scene.canopy_top_m), ("flight", 40.0)):
         risen = metres_a_unit * (places["ground"][:, 1] - places[name][:, 1])
         assert risen == pytest.approx(np.full(len(rows), above), abs=0.101 * metres_a_unit)

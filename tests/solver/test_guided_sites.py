@@ -10,7 +10,9 @@ from aosplan.solver.guided_sites import most_visible, visibility
 
 
 def scene(seed, sites=12, targets=60):
-    """What correlated sites do not see: neighbours see similar targets."""
+    """Mask of the targets that are hidden from each site. The masks of neighbouring sites are
+    similar.
+    """
     rng = np.random.default_rng(seed)
     field = rng.standard_normal((sites + 3, targets))
     smooth = field[:-3] + field[1:-2] + field[2:-1] + field[3:]
@@ -32,8 +34,8 @@ def test_chosen_sites_are_nearly_the_best_of_all(count):
         assert len(set(chosen.tolist())) == count
         losses.append(best_of_all(joint, count) - visibility(joint, chosen))
     assert min(losses) >= -1e-12
-    # Exchanging one site at a time ends up to 0.0125 below the optimum, in one of these scenes; at
-    # least 36 of the 40 sets are the best ones.
+    # The exchange of single sites does not always find the optimum. In one of these scenes, the
+    # result is 0.0125 below it. At least 36 of the 40 results are the best sets.
     assert max(losses) <= 0.0126
     assert sum(loss < 1e-12 for loss in losses) >= 36
 
@@ -46,6 +48,6 @@ def test_visibility_is_that_of_the_joint_occlusion():
 
 
 def test_a_site_with_a_fine_single_view_is_not_chosen_twice_for_the_same_targets():
-    # Two sites see the same half, a third sees a third of the other half.
+    # Two sites see the same half of the targets. The third site sees a third of the other half.
     hidden = np.array([[0] * 6 + [1] * 6, [0] * 6 + [1] * 6, [1] * 6 + [0] * 4 + [1] * 2], bool)
     assert most_visible(joint_density(hidden), 2).tolist() in ([0, 2], [1, 2])

@@ -17,7 +17,7 @@ SIDE_M, CORNER = 16.0, (650_000.0, 5_300_000.0)
 
 @lru_cache
 def leaves():
-    """The stand."""
+    """The generated stand of leaves."""
     return crowned_stand(
         np.random.default_rng(3), SIDE_M, leaf_area_index=2.5, crowns=14, base_m=3.0, top_m=9.0
     )
@@ -25,7 +25,7 @@ def leaves():
 
 @lru_cache
 def scan():
-    """Path of its scan."""
+    """Path of the scan of the stand."""
     returns = laser_scan(np.random.default_rng(4), leaves(), pulses_a_m2=120.0)
     path = Path(mkdtemp()) / "scan.laz"
     return str(write_scan(path, returns, crs=pyproj.CRS.from_epsg(32633), corner=CORNER))
@@ -39,7 +39,9 @@ def place(x_m, y_m):
 
 
 def true_visibility(middle, radius_m, sites_m, altitude_m, pitch_m=0.1):
-    """V of a disc by casting rays through the leaves; lengths are from the corner of the plot."""
+    """V of a disc, computed by casting rays through the leaves. Positions are relative to the
+    corner of the plot.
+    """
     line = np.arange(-radius_m, radius_m + 1e-9, pitch_m)
     away = np.stack(np.meshgrid(line, line)).reshape(2, -1)
     targets = away[:, np.hypot(*away) <= radius_m] + np.array(middle)[:, np.newaxis]

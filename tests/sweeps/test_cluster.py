@@ -351,7 +351,7 @@ def test_where_no_scheduler_answers_it_is_an_error(
     assert sweep(campaign, "--out", tmp_path / "r.csv", "--scheduler", address) == 1
     assert time.monotonic() - start_s < 10.0
     assert_error(capsys, f"no scheduler answers at '{address}'", "dask scheduler")
-    assert os.listdir(tmp_path) == []  # No part was finished, so that no file remains.
+    assert os.listdir(tmp_path) == []  # No part was finished, so no file remains.
 
 
 def test_the_address_of_a_worker_is_refused_as_scheduler(cluster, campaign, tmp_path, capsys):

@@ -41,7 +41,7 @@ def test_interruptions_change_no_byte(
     monkeypatch.setattr(run_module, "solve_part", interrupted)
     assert sweep(campaign, "--out", broken, *conditions) == 130
     assert not broken.exists()
-    # exists, and neither --resume nor --force is given
+    # The result exists, and neither --resume nor --force is given.
     assert sweep(campaign, "--out", broken, *conditions) == 2
     again = []
 
@@ -173,8 +173,8 @@ def test_workers_change_no_byte(tmp_path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_an_interruption_of_the_first_process_alone_ends_its_workers(tmp_path):
-    # A terminal interrupts all processes of a command. A job manager interrupts only the first
-    # process.
+    # Ctrl-C in a terminal is sent to all processes of a command. A job manager sends a signal only
+    # to the first process.
     status, error = ended(tmp_path, lambda pid: os.kill(pid, signal.SIGINT))
     assert status == 130
     assert error == "hint: finished parts are kept; --resume continues the sweep\n"

@@ -110,7 +110,7 @@ def test_an_interrupted_folder_is_not_there_until_it_is_whole(campaign, tmp_path
         patch.setattr(run_module, "solve_part", interrupted)
         assert sweep(campaign, "--out", f"{folder}/") == 130
     assert not folder.exists()
-    # exists, and neither --resume nor --force is given
+    # The result exists, and neither --resume nor --force is given.
     assert sweep(campaign, "--out", f"{folder}/") == 2
     # The interrupted run has left an incomplete line in the journal, and incomplete files.
     with (tmp_path / "r.journal.jsonl").open("a") as journal:

@@ -309,7 +309,8 @@ def test_interruptions_change_no_byte(campaign, tmp_path, capsys, monkeypatch, o
         interrupted_after(patch, 3, seen)
         assert sweep(*line, *out) == 130
         assert "--resume continues" in capsys.readouterr().err
-        assert sweep(*line, *out) == 2  # exists, and neither --resume nor --force is given
+        # The result exists, and neither --resume nor --force is given.
+        assert sweep(*line, *out) == 2
         assert "--force starts again" in capsys.readouterr().err
         assert sweep(*line, *out, "--resume", "--where", "samples < 9") == 2
         assert "another sweep" in capsys.readouterr().err

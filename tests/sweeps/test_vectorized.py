@@ -116,9 +116,9 @@ def test_columns_have_the_numbers_and_the_words_of_plan(crossing):
             found = np.broadcast_to(solved.columns[name], block.shape).reshape(-1)[row]
             if name in WHOLE and not math.isnan(expected[name]):
                 assert found == expected[name], name
-            # exp and log of arrays and of floats are rounded differently. In a plan, legs are
-            # measured between waypoints, whose coordinates have rounding errors in proportion to
-            # the length of all N legs.
+            # A tolerance is needed, because exp and log of arrays and of floats are rounded
+            # differently. In a plan, legs are measured between waypoints. The rounding errors of
+            # their coordinates are proportional to the total length of all N legs.
             legs = expected["samples"] if name.startswith("flight_") else 0
             rel = 1e-12 + legs * 2.0**-52
             assert found == pytest.approx(expected[name], rel=rel, nan_ok=True), name

@@ -318,7 +318,7 @@ def test_without_a_plan_nothing_is_simulated(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_without_common_ground_each_target_has_its_own_aperture():
-    # With such a distance, 25 samples do not have any ground in common.
+    # If samples are so far apart, 25 samples do not have any ground in common.
     values = {
         "altitude": column_of([40.0]),
         "samples": column_of([25]),
