@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Titled(Protocol):
-    """A preset."""
+    """A preset with a title."""
 
     @property
     def title(self) -> str:
@@ -40,7 +40,8 @@ def added_preset(kind: str, name: str, presets: Mapping[str, Preset]) -> Preset:
     Raises
     ------
     RequestError
-        If there is none; the hint lists built-in presets with similar names.
+        If no distribution adds a preset with this name. The hint lists built-in presets with
+        similar names.
     """
     added = plugin(f"aosplan.{kind}s", name)
     if isinstance(added, type(next(iter(presets.values())))):
@@ -53,7 +54,8 @@ def added_preset(kind: str, name: str, presets: Mapping[str, Preset]) -> Preset:
 
 
 def plugin(group: str, name: str) -> Any:
-    """The object that an installed distribution registers under a name in a group, or None.
+    """The object that an installed distribution registers in a group under a name; None if there is
+    no such object.
 
     Raises
     ------

@@ -190,7 +190,7 @@ def resolve_inputs(
     request
         The request.
     folder
-        Folder in which its files are looked for before the current folder.
+        Folder in which the files of the request are looked for before the current folder.
     load
         Function that returns the scene of a request, if the caller has read the scene before.  It
         replaces `aosplan.planning.loaded_scene.load_scene`.
@@ -281,7 +281,7 @@ def resolve_inputs(
 
 
 def _filled(value: T | None) -> T:
-    """A field of the request that is not None, because `PlanRequest` has set it or checked it."""
+    """The value of a field that is never None, because `PlanRequest` has set it or checked it."""
     assert value is not None
     return value
 
@@ -340,7 +340,8 @@ def _common_ground(
     footprint = camera.footprint_m(altitude_m)
     target = 0.0 if request.find is None or over_area else max(target_m(request.find))
     wanted = max(target, camera.gsd_m(altitude_m))
-    # If an image is smaller than the target or has a single pixel, half of the image is required.
+    # If an image is smaller than the target, or has a single pixel, the common ground has to be
+    # half as large as the image.
     along, across = (min(wanted, 0.5 * size) for size in footprint)
     return CommonGround(footprint, (0.0, 0.0) if over_area else (along, across), over_area)
 
@@ -349,8 +350,8 @@ def _requirement_of(request: PlanRequest) -> Requirement:
     if request.visibility is not None:
         return Requirement("visibility", exact_share(request.visibility, "--visibility"))
     vhat = _filled(request.vhat)
-    # `repr` gives the shortest decimal number that converts to the float. This is the number that
-    # the user wrote.
+    # `repr` gives the shortest decimal number that is converted to this float. The user has usually
+    # written this number.
     return Requirement(
         "normalized", exact_share(vhat if isinstance(vhat, str) else repr(vhat), "--vhat")
     )
@@ -370,7 +371,7 @@ def _find_of(request: PlanRequest) -> FindInputs | None:
 
 
 def flight_of(request: PlanRequest, gsd_m: float, folder: str) -> FlightInputs:
-    """How the photos of a request are flown; `gsd_m` is the ground sampling distance."""
+    """Settings of the flight of a request. `gsd_m` is the ground sampling distance."""
     drone = None
     if request.drone is not None:
         from aosplan.flight.find import find_drone

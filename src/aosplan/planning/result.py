@@ -37,7 +37,7 @@ class Plan(PlanData):
         Raises
         ------
         RequestError
-            If no occluder is above the focal plane, so that there is no trade-off.
+            If no occluder is above the focal plane. There is no trade-off in this case.
         """
         from aosplan.solver.tradeoff import tradeoff
 
@@ -63,8 +63,8 @@ class Plan(PlanData):
     def tradeoff_document(self, rows: Sequence[TradeoffRow]) -> dict[str, Any]:
         """Rows of `tradeoff` as plain values: the output of ``tradeoff --json``.
 
-        If the plan has a target to find, rows have its probability of detection, or None if the
-        detection was not counted for a row.
+        If the plan has a target to find, each row has the probability of its detection, or None if
+        detection was not counted for the row.
         """
         documents = [row.document() for row in rows]
         if self.inputs.find is not None:

@@ -1,8 +1,9 @@
 """The route of a plan: adds turns, heights and flights to its sites.
 
-Sites are given in flight order, east and north of the origin.  If photos are taken while flying, the
-points at which the drone turns are added.  If there is a terrain file, points that keep the drone
-above the ground are added.  The flight time of a battery splits the route into flights.
+Sites are given in flight order, east and north of the origin. If photos are taken while flying, the
+points at which the drone turns are added. If there is a terrain file, points that keep the drone
+above the ground are added. If the route takes longer than the flight time of a battery, it is split
+into flights.
 """
 
 from __future__ import annotations
@@ -28,22 +29,24 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 LEAST_RUN_IN_M = 1.0
-"""Shortest run-in.  Autopilots need legs of some length; DJI documents half a metre."""
+"""Shortest run-in. Autopilots refuse legs that are too short: DJI documents a minimum of half a
+metre.
+"""
 
 LONGEST_RUN_IN_M = 1000.0
-"""Longest run-in that is accepted."""
+"""Longest accepted run-in. If a longer run-in is needed, the plan is refused."""
 
 
 class Route(NamedTuple):
     """Waypoints in flight order, the settings of the flight, and the flights into which they are
     split.
 
-    `length_m` and `time_s` are those of the path from the first photo to the last.  `closer_by_m`
-    and `farther_by_m` are the largest deviations of the height above ground between two waypoints,
-    below and above the height at these waypoints.  `highest_way_m` is the greatest height above
-    ground on the paths from the take-off and back.  Heights of the ground are above `datum`.
-    `wind_delay_s` has the time that the wind adds to `time_s`, and the time that it adds to all
-    flights from take-off to landing; None without wind.
+    `length_m` and `time_s` are the length and the time of the path from the first photo to the
+    last. `closer_by_m` and `farther_by_m` are the largest deviations of the height above ground
+    between two waypoints, below and above the height at these waypoints. `highest_way_m` is the
+    greatest height above ground on the paths from the take-off point and back to it. Heights of the
+    ground are above `datum`. `wind_delay_s` has two times: the time that the wind adds to `time_s`,
+    and the time that it adds to all flights from take-off to landing. It is None without wind.
 
     The take-off point is None if nothing depends on it.
     """
@@ -117,8 +120,8 @@ class FlightInputs(NamedTuple):
         return lowest_bound(self.speed_mps, self.speed_bounds)
 
     def timing(self, heading_deg: float) -> Timing:
-        """Speeds and times before the baseline is known.  The axes are along a heading and to its
-        right.
+        """Speeds and times, if the baseline is not yet known. The axes are along a heading and to
+        its right.
 
         Raises
         ------
@@ -147,7 +150,7 @@ def speed_bounds(
     drone: DronePreset | None, blur: tuple[float, float] | None, gsd_m: float
 ) -> tuple[SpeedBound, ...]:
     """The limits of the speed that do not depend on the baseline: the top speed of the drone, and
-    motion blur.
+    the speed that the largest allowed motion blur permits.
 
     If photos are taken while flying, `blur` has the largest motion blur [px] and the exposure time
     t [s].  At a speed v, the ground moves by v t / GSD pixels during an exposure.
@@ -246,7 +249,9 @@ def build_route(
     timing, limit = timing_at_baseline(flight, heading_deg, baseline_m)
 
     def sites_from(photo: int) -> FlightPoints:
-        """The sites from a given photo on, with the points at which the drone turns."""
+        """The sites from a given photo to the last one, with the points at which the
+        drone turns.
+        """
         first = [place for place, taken in enumerate(sites.photo) if taken][photo] if photo else 0
         left = FlightPoints(sites.east_m[first:], sites.north_m[first:], sites.photo[first:])
         if not timing.fly_through:
@@ -260,8 +265,8 @@ def build_route(
 
         terrain = Terrain(flight.terrain, flight.terrain_units)
     with terrain or nullcontext():
-        # Between sites, the path may be closer to the ground, but the clearance above the canopy is
-        # kept.
+        # Between sites, the path may be closer to the ground than at the sites, but not closer to
+        # the canopy than the clearance.
         tolerance = min(flight.terrain_tolerance_m, altitude_m - canopy_top_m - flight.clearance_m)
         ground = _grounded(sites_from(0), terrain, origin, tolerance)
         takeoff = _takeoff(flight, ground, terrain, origin)
@@ -274,8 +279,8 @@ def build_route(
         least_m = canopy_top_m + flight.clearance_m
         takeoff, lowest = _safe_ways(track, takeoff, terrain, origin, least_m)
         flights = flights_of(track, timing, takeoff, battery_s)
-        # If heights or several flights depend on the take-off point, its position is part of the
-        # plan.
+        # The position of the take-off point is part of the plan if heights depend on it, or if
+        # there are several flights.
         known = flight.takeoff
         if (
             known is None
@@ -372,9 +377,9 @@ def _safe_ways(
     """The take-off point with the heights of the paths to each waypoint, and the lowest ground
     below each path.
 
-    The path to a waypoint is at the largest of three heights: the height of the waypoint, `least_m`
-    above the highest ground below the path, and `LEAST_CLIMB_M` above the take-off point.  The path
-    back from any waypoint is at the largest height of all these paths.
+    The path to a waypoint is at the largest of three heights: the height of the waypoint; the
+    highest ground below the path plus `least_m`; and the take-off point plus `LEAST_CLIMB_M`. The
+    path back from any waypoint is at the largest height of all these paths.
     """
     if terrain is None:
         lowest = highest = [takeoff.up_m] * len(track.up_m)
@@ -424,7 +429,9 @@ def _waypoints(
 
 
 def _counted(flights: Sequence[Flight]) -> tuple[Flight, ...]:
-    """The flights, with new indices that count only the waypoints that are kept."""
+    """The flights, with the indices that their waypoints have after other waypoints are
+    left out.
+    """
     counted, first = [], 0
     for flight in flights:
         last = first + flight.last - flight.first

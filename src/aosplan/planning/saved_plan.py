@@ -11,7 +11,9 @@ from aosplan.planning.plan_schema import PlanDocument
 from aosplan.validation import checked
 
 MOST_BYTES = 1024 * 1024 * 1024
-"""Largest size of a saved plan [bytes].  A plan with the largest number of waypoints has 0.8 GB."""
+"""Largest size of a saved plan [bytes]. The file of a plan with the largest number of waypoints has
+0.8 GB.
+"""
 
 
 def read_mission(path: str) -> Mission:

@@ -1,13 +1,14 @@
 """The sensitivity of a plan: its change if the scene differs from the assumed scene.
 
-Density, occluder size and heights are changed by -20 % and by +20 %, one at a time.  For each
-changed scene there are two results: the visibility of the planned grid, and the grid that would be
-planned for it.  The change depends on the description of the scene:
+Density, occluder size and heights are changed by -20 % and by +20 %, one quantity at a time. For
+each changed scene there are two results: the visibility with the planned grid, and the grid that
+would be planned for the changed scene. The change depends on the description of the scene:
 
-- *A uniform volume*: D, o, or base and thickness are changed, and p follows from Eq. 1.  If the
-  scene is described by p, changes of size and height keep p, and a change of density changes D.
-- *Layers*: D_j, o_j, or the heights of all slices are changed.  If D_j change, a measured p changes
-  by the same factor as p of independent slices.
+- *A uniform volume*: D, o, or base and thickness are changed, and p is computed by Eq. 1. If the
+  scene is described by p, changes of size and height do not change p, and a change of density
+  changes D.
+- *Layers*: D_j, o_j, or the heights of all slices are changed. If D_j are changed and the scene has
+  a measured p, this p changes by the same factor as the p of independent slices.
 - *Voxels*: for density, a fifth of the occupied voxels of every slice is removed, or the same
   number is added beside occupied voxels of the same slice.  These voxels are drawn at random with a
   seed.  A change of size stretches all clumps and gaps of the plot.  A change of height moves all
@@ -44,9 +45,9 @@ SEED = 1
 class Change(NamedTuple):
     """One change of a scene, and its effect on a plan.
 
-    `visibility` and `normalized` are those of the planned grid.  `samples` and `baseline_m` are
-    those of the grid that would be planned for the changed scene.  If a value does not exist, it is
-    None, and `reason` gives the reason.
+    `visibility` and `normalized` describe the planned grid in the changed scene. `samples` and
+    `baseline_m` describe the grid that would be planned for the changed scene. If a value does not
+    exist, it is None, and `reason` gives the reason.
     """
 
     quantity: str
@@ -186,7 +187,7 @@ def _below_one(density: float) -> float:
 
 
 def with_density_factor(volume: VoxelVolume, factor: float) -> VoxelVolume:
-    """A volume whose number of occupied voxels in every slice is multiplied by a factor.
+    """Multiply the number of occupied voxels in every slice of a volume by a factor.
 
     The voxels are drawn at random with a seed.  If the factor is less than 1, occupied voxels are
     removed.  If the factor is greater than 1, empty voxels beside occupied voxels are filled.  If

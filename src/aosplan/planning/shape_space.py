@@ -1,8 +1,8 @@
 """The shapes of grids that a request allows.
 
-A shape is described by shares, one along and one across the heading.  A *share* is the spacing
-divided by the widest spacing, at which a target is just inside all images of its grid.  See
-`aosplan.planning.within`.
+A shape is described by two shares, one along and one across the heading. A *share* is the spacing
+divided by the widest spacing. With the widest spacing, a target is just inside all images of its
+grid. See `aosplan.planning.within`.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class ShapeSpace:
     altitude_m
         The highest altitude that is allowed, above the focal plane.
     view
-        The footprint along and across the heading, divided by the altitude.
+        Size of the footprint along and across the heading, divided by the altitude.
     over_area
         Whether the plan covers an area instead of a single place.
     most_samples
-        Largest number of photos of each point.
+        Largest number of photos that see a point.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class ShapeSpace:
         return range(fewest, min(MOST_ROWS, self.most_samples) + 1)
 
     def filled(self, shape: Shape) -> tuple[float, float]:
-        """Shares of a shape along and across the heading."""
+        """The two shares of a shape, along and across the heading."""
         x, y = self._room(shape.rows, shape.columns)
         return shape.along / x, shape.across / y
 
@@ -123,8 +123,8 @@ class ShapeSpace:
         images.
         """
         (x, y), bound = self.view, self.request.max_aperture
-        # The images have to contain the grid and one pitch, so that every point has a grid around
-        # it.
+        # For every point to have a complete grid around it, the images have to be one pitch larger
+        # than the grid.
         if self.over_area:
             along, across = x / columns, y / rows
         else:

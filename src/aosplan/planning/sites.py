@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Layout(NamedTuple):
-    """Sites in flight order, with their coverage or integrals.
+    """Sites in flight order, with the coverage of an area or the integrals along a line.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ def _survey_for(inputs: PlanInputs, area: Area, solution: Solution) -> Survey:
     from aosplan.areas.survey import survey_of
 
     footprint, pattern = inputs.footprint_m, solution.pattern
-    assert isinstance(pattern, Pattern)  # Spirals over an area have been refused before.
+    assert isinstance(pattern, Pattern)  # Spirals over an area have already been refused.
     if inputs.is_line and solution.baseline_m > 0.0:
         # The images of a line cover a strip of ground on both sides of it.
         widest = footprint[1] / solution.baseline_m
@@ -90,7 +90,7 @@ def _survey_for(inputs: PlanInputs, area: Area, solution: Solution) -> Survey:
 
 
 def route_of(inputs: PlanInputs, layout: Layout, baseline_m: float) -> Route:
-    """The route through sites whose distance is a baseline."""
+    """The route through sites that are one baseline apart."""
     return build_route(
         inputs.flight,
         layout.sites,

@@ -27,14 +27,15 @@ if TYPE_CHECKING:
 
 
 MOST_SLICES = 512
-"""Largest number of slices of a uniform volume.  With more slices, 1 - V̂ changes by 0.02 %."""
+"""Largest number of slices of a uniform volume. More slices would change 1 - V̂ by 0.02 %."""
 
 
 class Memo:
     """Stored results of functions, with the arguments as keys.
 
-    Numbers and text are compared by value, and other arguments are compared by identity.  An entry
-    keeps its arguments alive, so that no other object gets the same identity.
+    Numbers and text are compared by value, and other arguments are compared by identity. An entry
+    keeps its arguments in memory. Otherwise, another object could get the identity of a deleted
+    argument.
     """
 
     def __init__(self) -> None:
@@ -91,7 +92,8 @@ def solve_inputs(
         Stored results, which plans over the same scene share.
     count_required, seek_remedy
         Whether the smallest number of samples at the baseline of the solution is computed, and
-        whether a remedy is computed if the target cannot be met.  Each of the two needs a search.
+        whether a remedy is computed if the target cannot be met. Each of these computations needs a
+        search.
 
     Raises
     ------
@@ -163,7 +165,7 @@ def _of_statistics(
     if inputs.model == "uniform":
 
         def slices() -> VisibilityModel:
-            """The volume as slices.  They are made only if a prediction needs them."""
+            """The volume as slices, which are made only if a prediction needs them."""
             made: VisibilityModel = memo(_sliced, above, inputs.altitude_m, focal, **common)
             return made
 
@@ -192,7 +194,7 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
         "hold_error_m": inputs.hold_error_m,
     }
     if volume is None:
-        # It has been checked that the model can be used for this kind of scene.
+        # `resolve_inputs` has checked that the model can be used for this kind of scene.
         assert table is not None
         if focal_height > 0.0 or inputs.view == "perspective":
             raise RequestError(
@@ -211,8 +213,8 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
     if None not in (bounds.baseline_m, bounds.samples) and not inputs.compares_headings:
         return memo(MeasuredModel, volume, altitude, edges=edges, **seen), None
     model = memo(MeasuredModel, volume, altitude, edges=edges, **seen)
-    # The correlogram is telecentric, so that it cannot be used. A model with fewer targets is
-    # used instead.
+    # The correlogram cannot be used in perspective, because it is telecentric. A model with fewer
+    # targets is used instead.
     if model.view == "perspective":
         if volume.targets_per_voxel == 1:
             return model, None
@@ -224,8 +226,8 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
 
 
 def _surrogate(table: Correlogram, edges: str, altitude_m: float, **common: Any) -> VisibilityModel:
-    """The surrogate from a correlogram, for all targets or for those whose rays stay on the
-    plot.
+    """The surrogate from a correlogram, either for all targets or for the targets whose rays stay
+    on the plot.
     """
     from aosplan.models.correlogram import CorrelogramModel
     from aosplan.models.interior_surrogate import InteriorSurrogate

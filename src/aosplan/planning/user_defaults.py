@@ -1,10 +1,10 @@
 """The user's own defaults, such as their drone, camera and take-off.
 
-The defaults are in a TOML file of options, like a request file.  It is ``aosplan/defaults.toml`` in
+The defaults are in a TOML file of options, like a request file. It is ``aosplan/defaults.toml`` in
 the settings folder (``$XDG_CONFIG_HOME`` or ``~/.config``; ``%APPDATA%`` on Windows), or the file
-that ``AOSPLAN_DEFAULTS`` or ``--defaults`` names.  With ``none``, no file is read.  A request file,
-flags and each scenario of a sweep override the defaults.  A saved result contains all options, so
-that defaults are not used with it.
+that ``AOSPLAN_DEFAULTS`` or ``--defaults`` names. With ``none``, no file is read. A request file,
+flags and each scenario of a sweep override the defaults. Defaults are not used with a saved result,
+because it contains all options.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ FILE_OPTIONS = (
 
 
 def usual_path(environment: Mapping[str, str], platform: str = sys.platform) -> str:
-    """Path of the user's defaults; empty if the environment does not name a settings folder."""
+    """Usual path of the user's defaults; empty if the environment does not name a
+    settings folder.
+    """
     if platform == "win32":
         folder = environment.get("APPDATA", "")
     else:

@@ -1,11 +1,12 @@
 """The search for the best flight within a time, over all options that a request does not give.
 
 A *shape* is a grid in units of the altitude: rows, columns, and the spacings along and across lines
-divided by the altitude.  A *way* is a trigger, an altitude and a heading with which a shape can be
-flown.  Each altitude is searched separately (`aosplan.planning.within_altitude`), beginning with
-the highest.  A given shape sees a target from the same directions at every altitude.  From a lower
-altitude, however, neighbouring points of the target share more occluders.  A lower altitude is
-therefore searched only if the flight takes less time there.
+divided by the altitude. A *way* is a trigger, an altitude and a heading with which a shape can be
+flown. Each altitude is searched separately (`aosplan.planning.within_altitude`), beginning with the
+highest. At every altitude, a given shape sees a target from the same directions. At a lower
+altitude, however, the rays to neighbouring points of the target meet the same occluders more often,
+which is a disadvantage. A lower altitude is therefore searched only if the flight takes less time
+there.
 """
 
 from __future__ import annotations
@@ -35,12 +36,12 @@ if TYPE_CHECKING:
     from aosplan.planning.within_shapes import TimedFlight, Way
 
 GAIN = 0.005
-"""A search without a bound on the time ends if twice the time gains less than this, relative to the
-objective.
+"""A search without a given time ends when twice the time improves the objective by less than this,
+relative to its value.
 """
 
 CURVE = (0.5, 0.7, 1.0, 1.4, 2.0)
-"""Multiples of the time for which the best plan is reported."""
+"""The best plans within these multiples of the time are reported."""
 
 
 def choose_flight(
@@ -158,7 +159,7 @@ class WithinSearch:
         return level.counted(timed)
 
     def enough_s(self) -> float:
-        """The time at which twice the time gains almost nothing."""
+        """The time from which on twice the time improves the objective only slightly."""
         least = min(level.least_s for level in self.levels)
         if not math.isfinite(least):
             raise self.refusal(math.inf)

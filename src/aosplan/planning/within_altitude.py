@@ -36,23 +36,23 @@ MOST_SAMPLES = 400
 """Largest number of samples of a grid, unless --max-samples allows more."""
 
 AT_PLACE = (0.65, 0.4, 0.22, 0.1)
-"""First shares of grids at one place (`aosplan.planning.shape_space`).  Over an area, the share is
-1.
+"""Shares with which the search of grids at one place begins (`aosplan.planning.shape_space`). Over
+an area, it begins with the share 1.
 """
 
 HOPELESS = 4
-"""If this many successive numbers of rows have less than half of the best objective, larger numbers
-of rows are not tried.
+"""The search over numbers of rows ends when this many successive numbers have less than half of the
+best objective.
 """
 
 STEPS = (0.6, 0.8)
 """Factors by which the spacing is changed to refine it, one after the other."""
 
 REFINED = 3
-"""Number of the best numbers of rows for which the spacing is refined."""
+"""The spacing is refined for this many numbers of rows: those with the best objective."""
 
 FEWER = (1.0, 0.8, 0.65, 0.5)
-"""Numbers of columns that are tried, as parts of the largest number."""
+"""Numbers of columns that are tried, as fractions of the largest number of columns."""
 
 LAID_OUT = 12
 """Largest number of flights that are laid out in each round of a search."""
@@ -71,9 +71,7 @@ COUNTED = 2
 """Number of flights whose detection is counted in the voxels of a stand."""
 
 REFUSED = 4
-"""If this many shapes in succession cannot be flown in the same way, this way is no longer
-tried.
-"""
+"""A way is no longer tried after this many shapes in succession cannot be flown in it."""
 
 TIMED = 4
 """Number of flights that are laid out to compare their exact times, if the time is the
@@ -168,8 +166,8 @@ class AltitudeSearch:
         return -self.least(shape).least_s
 
     def counted(self, timed: TimedFlight) -> float:
-        """The score of a flight that was laid out, with its exact time, or with its detection
-        counted in voxels.
+        """The score of a flight that was laid out, computed with its exact time, or with its
+        detection counted in voxels.
         """
         shape = timed.candidate.shape
         if self.request.optimize == "time":
@@ -217,15 +215,15 @@ class AltitudeSearch:
         return self.timed[key]
 
     def _is_refused(self, shape: Shape, way: Way) -> bool:
-        """Whether a way is not possible for a shape: no flight was found for the shape, or the way
-        is no longer tried.
+        """Whether a way is known to be impossible for a shape, because laying out its flight has
+        failed, or because the way is no longer tried.
         """
         refused = self.timed.get((shape, id(way)), way) is None
         return refused or self._refused.get(id(way), 0.0) >= REFUSED
 
     def _laid_out(self, candidate: FlownShape) -> TimedFlight | None:
-        """The flight of a candidate.  If it cannot be flown, the flight of its shape in the next
-        best way.
+        """The flight of a candidate. If it cannot be flown, the shape is flown in the next best way
+        instead.
         """
         timed = self.time(candidate)
         while timed is None:
@@ -270,21 +268,21 @@ class AltitudeSearch:
                     over.append(timed.time_s / longest_s)
             if found:
                 return self._polished(self._preferred(candidates, found), longest_s)
-            # The lower bounds of the time are too low, because of no-fly zones, terrain or gaps in
-            # the area. The next round uses a shorter time.
+            # Flights take longer than the lower bounds, because of no-fly zones, terrain or gaps in
+            # the area. The next round therefore searches with a shorter time.
             allowed_s /= max(min(over, default=1.0), 1.02)
         return None
 
     @property
     def _wanted(self) -> int:
-        """Number of flights that are laid out and then compared."""
+        """Number of laid-out flights that are compared."""
         if self.request.optimize == "time":
             return TIMED
         counts = self.request.optimize == "detection" and self.inputs.model == "measured"
         return COUNTED if counts else 1
 
     def _preferred(self, candidates: list[FlownShape], found: list[TimedFlight]) -> TimedFlight:
-        """The best of some flights, or a faster flight that is almost as good."""
+        """The best of the found flights, or a faster flight that is almost as good."""
         best = max(found, key=self.counted)
         if self._wanted > 1:
             return best
@@ -336,8 +334,8 @@ class AltitudeSearch:
         """Promising shapes.
 
         For each number of rows, the number of columns is about the largest one that can be flown in
-        the time.  More photos in the same aperture do not always find more targets, so that fewer
-        columns are also tried.
+        the time. Fewer columns are tried too, because more photos in the same aperture do not
+        always find more targets.
         """
         coarse = [(1.0, 1.0)]
         if not self.over_area:

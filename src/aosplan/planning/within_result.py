@@ -67,7 +67,8 @@ class WithinResult(NamedTuple):
     asked
         The original request, without the options that the search chose.
     minutes
-        The allowed time.  If none was given, the time at which more time gains little.
+        The allowed time. If no time was given, the time from which on more time improves the
+        objective only slightly.
     rows
         The best flights within half the time, within the time, and within twice the time.
     curve

@@ -1,26 +1,28 @@
 """Selection of the N recorded views that share the fewest occluders.
 
 Let c_ik be the correlation of views i and k, and ΣΣ_S the sum over all ordered pairs of views in a
-set S.  A set S of N views has the shortfall 1 - V̂ = K = ΣΣ_S c_ik / N².  Two sets are found by
-greedy algorithms.  The first algorithm starts with all views and repeatedly removes the view that
-shares most with the remaining views.  The second starts with one view and repeatedly adds the view
-that shares least with the chosen views.  Both sets are then improved by exchanging one view for
-another, as long as this reduces K.  The better set is the result; no single exchange improves it.
-K is at least 1/N, and it equals 1/N for views that share nothing.
+set S. A set S of N views has the shortfall 1 - V̂ = K = ΣΣ_S c_ik / N². Two sets are found by
+greedy algorithms. The first algorithm starts with all views, and repeatedly removes the view that
+shares the most occluders with the remaining views. The second starts with one view, and repeatedly
+adds the view that shares the fewest occluders with the chosen views. Both sets are then improved by
+exchanging one view for another, as long as this reduces K. The result is the better of the two
+sets. No exchange of a single view improves it. K is at least 1/N. It equals 1/N for views that do
+not share occluders.
 
-If views hide different shares p of the target, the smallest K does not give the largest V.  The
-reason is that views which share least are far apart and look through more of the canopy.  To
-maximise V = 1 - ΣΣ_S J_ik / N², c is replaced by J, the share that both views hide: J_ik = p_i p_k
+If views hide different shares p of the target, the smallest K does not give the largest V. The
+reason is that the views that share the fewest occluders are far apart, and look through more of the
+canopy. To maximise V = 1 - ΣΣ_S J_ik / N², c is replaced by J, the share of the target that is
+hidden in both views: J_ik = p_i p_k
 + c_ik √(p_i (1-p_i) p_k (1-p_k)).
 
-Neither of these two sets is the one whose integral image is most similar to the integral image of
-all M views, because the mean of views that are far apart is different.  The expected squared
-difference of the two integral images is ΣΣ_S J_ik / N² - 2 Σ_S Σ_all J_ik / (N M) + ΣΣ_all J_ik /
-M².  If -2 N/M Σ_all J_ik is added to each J_ii, the first two terms are a sum over pairs of S.  The
-same search therefore minimises this difference.
+Another set has the integral image that is most similar to the integral image of all M views,
+because views that are far apart have a different mean. The expected squared difference of the two
+integral images is ΣΣ_S J_ik / N² - 2 Σ_S Σ_all J_ik / (N M) + ΣΣ_all J_ik / M². If -2 N/M Σ_all
+J_ik is added to each J_ii, the first two terms are a sum over pairs of S. The same search therefore
+minimises this difference.
 
-The search uses only the correlations of the model and not the voxels of the stand.  A set that is
-optimised for the gaps of one plot would be worse at other places.
+The search uses only the correlations of the model and not the voxels of the stand. A set that is
+optimised for the gaps of one plot would be worse than others at other places.
 """
 
 from __future__ import annotations
@@ -54,7 +56,8 @@ def choose_views(
     *,
     alike: bool = False,
 ) -> NDArray[np.intp]:
-    """Choose the views that share the fewest occluders, or that together have the best visibility.
+    """Choose the views that share the fewest occluders, or the views that together have the highest
+    visibility.
 
     Parameters
     ----------
@@ -66,10 +69,11 @@ def choose_views(
         Correlation of two views as a function of their offset along x and y.  It is 1 for the
         offset 0.
     hidden
-        Shape (M,): share p of the target that each view hides, to maximise V; None to maximise V̂.
+        Share p of the target that is hidden in each view, shape (M,). If it is given, V is
+        maximised; if it is None, V̂ is maximised.
     alike
-        Whether the integral of the chosen views is made as similar as possible to that of all
-        views, instead of maximising V.  This requires `hidden`.
+        Whether the views are chosen so that their integral is as similar as possible to the
+        integral of all views, instead of maximising V. This requires `hidden`.
 
     Returns
     -------
@@ -120,8 +124,8 @@ def correlations(points: NDArray[np.float64], correlation: Correlation) -> NDArr
 
 
 def jointly(shared: NDArray[np.float64], hidden: NDArray[np.float64]) -> NDArray[np.float64]:
-    """J, the share that both views of each pair hide.  It is computed from their correlations and
-    hidden shares.
+    """J, the share of the target that is hidden in both views of each pair. It is computed from the
+    correlations and hidden shares of the views.
     """
     spread = np.sqrt(hidden * (1.0 - hidden))
     joint: NDArray[np.float64] = np.outer(hidden, hidden) + shared * np.outer(spread, spread)
@@ -129,10 +133,10 @@ def jointly(shared: NDArray[np.float64], hidden: NDArray[np.float64]) -> NDArray
 
 
 def representing(joint: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-    """J with a different diagonal.
+    """Change the diagonal of J.
 
-    With this diagonal, the set with the smallest ΣΣ_S has the integral image that is most similar
-    to that of all views.
+    After this change, the set S with the smallest sum ΣΣ_S has the integral image that is most
+    similar to the integral image of all views.
     """
     changed = joint.copy()
     np.fill_diagonal(changed, joint.diagonal() - 2.0 * samples * joint.mean(axis=1))
@@ -140,8 +144,8 @@ def representing(joint: NDArray[np.float64], samples: int) -> NDArray[np.float64
 
 
 def fewest_shared(shared: NDArray[np.float64], samples: int) -> NDArray[np.bool_]:
-    """Mask of the views that remain if the view that shares most with the others is removed
-    repeatedly.
+    """Mask of the views that remain after the view that shares the most occluders with the others
+    has been removed repeatedly.
     """
     chosen = np.ones(len(shared), dtype=bool)
     # The pair of a view with itself is counted once.
@@ -154,8 +158,8 @@ def fewest_shared(shared: NDArray[np.float64], samples: int) -> NDArray[np.bool_
 
 
 def least_shared(shared: NDArray[np.float64], samples: int, first: int) -> NDArray[np.bool_]:
-    """Mask of the views that are chosen by beginning with `first` and repeatedly adding the view
-    that shares least with the chosen views.
+    """Mask of chosen views. The first chosen view is `first`; then the view that shares the fewest
+    occluders with the chosen views is added repeatedly.
     """
     chosen = np.zeros(len(shared), dtype=bool)
     sums = 0.5 * shared.diagonal()
@@ -175,7 +179,8 @@ def exchanged(shared: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray
         inside, outside = np.flatnonzero(chosen), np.flatnonzero(~chosen)
         if not len(outside):
             return inside
-        # Replacing i by j changes ΣΣ by 2 (Σ_k c_jk - c_ij) + c_jj - (2 Σ_k c_ik - c_ii).
+        # If the view i is replaced by the view j, ΣΣ changes by 2 (Σ_k c_jk - c_ij) + c_jj - (2 Σ_k
+        # c_ik - c_ii).
         own = shared.diagonal()
         change = (
             (2.0 * sums[outside] + own[outside])[None, :]

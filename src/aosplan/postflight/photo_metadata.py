@@ -15,9 +15,9 @@ XMP is read in the forms of the manufacturers of drones, as attributes or elemen
 - senseFly, Parrot Sequoia and older Autel firmware, with the names of Pix4D (``Camera:``): ``Yaw``,
   ``Pitch`` and ``Roll``.  With a pitch of 0, the camera looks straight down.
 
-EXIF has the absolute altitude, the focal length, its 35 mm equivalent and the pixel pitch.  The
-orientation in EXIF tells image viewers how to rotate the image.  The pixels in the file are in the
-order of the sensor.
+EXIF has the absolute altitude, the focal length, its 35 mm equivalent and the pixel pitch. The
+orientation in EXIF tells image viewers how to rotate the image. It is not applied here, so the
+pixels are in the order of the sensor.
 """
 
 from __future__ import annotations
@@ -51,24 +51,24 @@ MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
 RTK_FIXED = 50
 
 MAKERS = ("drone-dji", "drone", "drone-parrot", "Camera")
-"""Namespaces of manufacturers, in order of priority."""
+"""Namespaces of manufacturers in XMP, in order of priority."""
 
 BANDS = ("thermal", "visible", "wide", "zoom")
 
 SOURCES = {
-    # Values of ImageSource.
+    # Bands for the values of ImageSource.
     "infraredcamera": "thermal", "widecamera": "wide", "zoomcamera": "zoom",
     "visualcamera": "wide", "visiblecamera": "wide",
 }  # fmt: skip
 
 SUFFIXES = {
-    # Last letters of a file name (DJI).
+    # Bands for the last letter of a file name (DJI).
     "T": "thermal", "THRM": "thermal", "IR": "thermal", "R": "thermal",
     "V": "wide", "W": "wide", "WIDE": "wide", "Z": "zoom", "ZOOM": "zoom", "S": "screen", "SCRN": "screen",
 }  # fmt: skip
 
 PREFIXES = {"IRX": "thermal", "IR": "thermal", "MAX": "wide", "MIX": "screen", "PIC": "screen"}
-"""First letters of a file name (Autel)."""
+"""Bands for the first letters of a file name (Autel)."""
 
 THERMAL_NAMES = {"lwir", "thermal", "ir"}
 
@@ -193,7 +193,9 @@ def _xmp(packet: bytes) -> dict[str, str]:
 
 
 def _float(text: str | None) -> float | None:
-    """A finite number, which may be written as a fraction; None otherwise."""
+    """The finite number in a text, which may be written as a fraction; None if there is no such
+    number.
+    """
     if text is None:
         return None
     above, slash, below = text.partition("/")
@@ -242,7 +244,7 @@ def _angles(
     yaw, pitch, roll = (_float(xmp.get(f"Camera:{name}")) for name in names)
     if pitch is not None and abs(pitch) < 60.0:
         pitch -= 90.0  # Pix4D's pitch is 0 if the camera looks straight down.
-    # In surveys, the camera is not tilted by 60 degrees or more. Such a pitch is therefore relative
+    # In surveys, the camera is tilted by less than 60 degrees. A larger pitch is therefore relative
     # to the horizon.
     elif pitch is not None and pitch > 0.0:
         pitch = -pitch

@@ -1,7 +1,7 @@
 """Positions of photos from their metadata: XMP of the drone's manufacturer, or EXIF.
 
-XMP of DJI and other manufacturers has more decimals than the seconds of EXIF.  It also has the
-height above the take-off point.  The images themselves are not decoded.
+XMP is preferred, because DJI and other manufacturers write more decimals there than in the seconds
+of EXIF. XMP also has the height above the take-off point. The images themselves are not decoded.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ class Photos(NamedTuple):
     doubtful
         Reason why the position of a photo is not used, by file name.
     paired
-        Photos that are left out because another photo of the same shot, or a copy, is used.  The
-        keys are the names of the photos that are left out, and the values are the names of the used
-        photos.
+        Photos that are left out because another photo of the same shot, or a copy, is used. The
+        keys are the names of the photos that are left out. The values are the names of the photos
+        that are used instead.
     """
 
     places: dict[str, Place | None]
@@ -115,7 +115,9 @@ def photo_places(folder: str) -> tuple[dict[str, Place | None], dict[str, str]]:
 
 
 def _names(folder: str) -> list[str]:
-    """Paths of the photos in a folder and in the folders inside it, relative to it."""
+    """Paths of the photos in a folder and in the folders inside it, relative to the
+    outer folder.
+    """
 
     def refuse(error: OSError) -> None:
         if error.filename == folder:
@@ -137,7 +139,9 @@ def _names(folder: str) -> list[str]:
 
 
 def copies_of(folder: str, places: Mapping[str, Place | None]) -> dict[str, str]:
-    """Photos with the same content as a photo with a shorter or earlier name, with this name."""
+    """Find photos that are copies of another photo. For each copy, the result has the name of the
+    photo that is kept: the one with the shortest name, or the first in alphabetical order.
+    """
     alike: dict[tuple[Place, int], list[str]] = {}
     for name, place in places.items():
         if place is not None:
@@ -160,11 +164,11 @@ class DoubtfulError(Exception):
 
 
 def _pairs(places: dict[str, Place | None]) -> dict[str, str]:
-    """Photos of one shot by several cameras of a drone: all except the first, with the name of the
-    first.
+    """Find photos that several cameras of a drone have taken in one shot. For each photo except the
+    first, the result has the name of the first.
 
-    The names of these photos by DJI differ in the last letter, such as T and V, and sometimes in
-    the second of the time.
+    The names that DJI gives to these photos differ in the last letter, such as T and V, and
+    sometimes in the seconds of the time.
     """
     first: dict[str, str] = {}
     found = {}
@@ -216,7 +220,7 @@ def _check_signs(by_xmp: tuple[float, float], path: str) -> None:
     try:
         exif = _exif_place(path)
     except (DoubtfulError, MissingExtraError):
-        return  # The numbers in XMP have signs, so that EXIF is not needed.
+        return  # The numbers in XMP have signs, so EXIF is not needed.
     for one, other in zip(by_xmp, exif or by_xmp, strict=True):
         if one * other < 0.0 and math.isclose(abs(one), abs(other), abs_tol=0.01):
             raise DoubtfulError(f"is at {one:g} by its XMP, and at {other:g} by its EXIF")
@@ -271,8 +275,7 @@ def degrees_of(tags: dict[int, object], reference: int, letters: str) -> float |
     if whole is None or abs(whole) > 180.0:
         return None
     if minutes is None or seconds is None:
-        # 0/0 means that a part of the angle is not used. In this case, the part before it has
-        # decimals.
+        # 0/0 means that a part of the angle is not used. The part before it then has decimals.
         before = whole if minutes is None else minutes
         if before == math.floor(before) and not (whole == before == 0.0):
             raise DoubtfulError("has a position without its minutes or seconds")

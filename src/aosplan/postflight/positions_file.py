@@ -29,7 +29,9 @@ SUFFIXES = (".waypoints", ".plan", ".geojson", ".kmz", ".mavlink")
 
 
 class Place(NamedTuple):
-    """A position: latitude and longitude [deg], and the altitude [m] if the file has it."""
+    """A position: latitude and longitude [deg], and the altitude [m], or None if the file does not
+    have it.
+    """
 
     latitude: float
     longitude: float
@@ -40,14 +42,14 @@ def read_places(path: str) -> list[Place]:
     """Read the positions of photos in a mission, ``.geojson`` or CSV file, in the order of the
     file.
 
-    If a mission triggers the camera, these are the positions of the photos; otherwise they are all
-    waypoints.  The CSV file may be one of Litchi.
+    If a mission triggers the camera, the positions are those of its photos; otherwise, they are all
+    waypoints. The CSV file may be a mission of Litchi.
 
     Raises
     ------
     RequestError
         If the file is of another type, if a position is not on earth, or if there are no positions.
-        The message gives the line or item.
+        The message gives the line or the item.
     """
     suffix = os.path.splitext(path)[1].lower()
     if suffix in {".waypoints", ".mavlink"}:

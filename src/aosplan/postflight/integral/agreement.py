@@ -2,14 +2,15 @@
 focus.
 
 The contrast of an integral image is not a measure of focus: it decreases steadily as the focal
-plane rises, because fewer occluders are blurred.  Two integral images of different photos, however,
-agree only in objects on the focal plane.  All other objects are blurred differently in the two
+plane rises, because fewer occluders are blurred. Two integral images of different photos, however,
+agree only at objects on the focal plane. All other objects are blurred differently in the two
 images.
 
-Let v_i be the detail of view i at a pixel.  The mean of the product v_i v_j over all pairs of
+Let v_i be the detail of view i at a pixel. The mean of the product v_i v_j over all pairs of
 different views is c = Σ_{i≠j} v_i v_j / (n (n-1)) = ((Σ v)² - Σ v²) / (n (n-1)), and the mean of
-v_i² is d = Σ v² / n.  The correlation of two integrals of n/2 views each, averaged over all ways to
-halve the views, is then c / (c + 2 (d - c) / n).  Halves therefore need not be drawn.
+v_i² is d = Σ v² / n. The correlation of two integrals of n/2 views each, averaged over all ways to
+halve the views, is then c / (c + 2 (d - c) / n). This formula includes all halves, so no halves
+have to be drawn at random.
 """
 
 from __future__ import annotations
@@ -38,15 +39,15 @@ difference of the two blurred images.
 """
 
 BLOCKS = 4
-"""Number of blocks along each side of the raster.  Each block is left out once to estimate the
-error of a peak.
+"""Number of blocks along each side of the raster. To estimate the error of a peak, each block is
+left out once.
 """
 
 LONGEST_PX = 480
 """Longest side of the images from which detail is computed."""
 
 CLIP = 4.0
-"""Detail is limited to this number of standard deviations, so that single hot pixels do not
+"""Detail is limited to this number of standard deviations. Otherwise, single hot pixels would
 dominate.
 """
 
@@ -102,10 +103,11 @@ def details_of(
     longest_px: int = LONGEST_PX,
     step: Callable[[], None] = lambda: None,
 ) -> list[Detail]:
-    """Detail of several views, without what is at the same place in all images.
+    """Compute the detail of several views, and subtract the detail that all images have at the same
+    place.
 
     A thermal camera has a fixed pattern, and images may show a logo, black borders or a part of the
-    drone.  These would agree best on a plane at infinity.
+    drone. Without the subtraction, these would agree best on a plane at infinity.
 
     Parameters
     ----------
@@ -155,8 +157,8 @@ class DetailSums:
 
 
 class Agreement(NamedTuple):
-    """Agreement of halves of the views, and the agreement without each block of the raster, shape
-    (BLOCKS²,).
+    """Agreement of halves of the views, and the agreement if one block of the raster is left out,
+    for each block, shape (BLOCKS²,).
     """
 
     value: float

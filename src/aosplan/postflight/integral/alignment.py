@@ -1,14 +1,14 @@
 """Estimation of small errors of poses, from the shift of each view relative to the integral of the
-others.
+other views.
 
-If the recorded position of a view is wrong, its detail is shifted on the focal plane.  Let e_i be
-the shifts of all views, and b_i their positions relative to their centre.  The shifts have a part
-that is proportional to b_i, and a part that rotates around the centre.  The first part is due to a
-wrong height h of the plane, e = -b (h* - h)/(A - h*), where A is the height of the cameras and h*
-the true height of the plane.  The second part is due to a common yaw error ψ, e = ψ × b.  The
-remaining shifts are errors of the positions.  By chance, errors of positions also contain both
-parts.  With the standard deviation σ of the positions, the standard errors of height and yaw are
-therefore σ (A
+If the recorded position of a view is wrong, its detail is shifted on the focal plane. Let e_i be
+the shifts of all views, and b_i their positions relative to their centre. The shifts are a sum of
+three parts. The first part is proportional to b_i. It is caused by a wrong height h of the plane: e
+= -b (h* - h)/(A - h*), where A is the height of the cameras and h* the true height of the plane.
+The second part is a rotation around the centre. It is caused by a common yaw error ψ: e = ψ × b.
+The rest is caused by errors of the positions. Random errors of positions also contribute to the
+first and the second part. With the standard deviation σ of the positions, the standard errors of
+height and yaw are therefore σ (A
 - h)/√Σb² and σ/√Σb².
 """
 
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 CLEAR = 3.0
-"""Number of robust standard deviations by which the correlation of a shift has to exceed that of
-other shifts.
+"""A shift is significant if its correlation exceeds the correlations of other shifts by this number
+of robust standard deviations.
 """
 
 
@@ -54,7 +54,7 @@ class Correction(NamedTuple):
 
     @classmethod
     def none(cls, count: int) -> Correction:
-        """No correction, for a number of views."""
+        """A correction by zero, for the given number of views."""
         return cls(0.0, np.zeros((count, 2)))
 
     def applied(self, views: Sequence[View], frame: Floats) -> list[View]:
@@ -69,7 +69,7 @@ class Correction(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """Components of the shifts of views: growth and rotation, both divided by the distance from the
+    """The parts of the shifts of views: growth and rotation, both divided by the distance from the
     centre, and the rest [m].
     """
 
@@ -82,7 +82,8 @@ class Fit(NamedTuple):
 def shifts_of(
     details: Sequence[Detail], views: Sequence[View], plane: Plane, raster: Raster, reach_m: float
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Shift of each view relative to the integral of the others [m], and whether it is significant.
+    """Shift of each view relative to the integral of the other views [m], and whether this shift is
+    significant.
 
     Parameters
     ----------
@@ -96,7 +97,7 @@ def shifts_of(
     Returns
     -------
     shifts, clear
-        Arrays of shapes (N, 2) and (N,).
+        The shifts, shape (N, 2), and a mask of the significant shifts, shape (N,).
     """
     from scipy.fft import irfft2, next_fast_len, rfft2
 

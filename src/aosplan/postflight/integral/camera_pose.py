@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 
 ROTATION_TOLERANCE = 1e-3
-"""Largest deviation of any element of R Rᵀ from the unit matrix, for a rotation R in a file."""
+"""A matrix R in a file is accepted as a rotation if no element of R Rᵀ differs from the unit matrix
+by more than this.
+"""
 
 FARTHEST_M = 1e9
 """Greatest distance of a camera from the origin of its world."""
@@ -55,13 +57,14 @@ class Intrinsics(NamedTuple):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Directions after lens distortion; nan beyond the fold of its polynomial.
 
-        The model contains COLMAP's models RADIAL and OPENCV, plus the third radial term of DJI.
-        With r² = x² + y², x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²); The
-        formula of y' is the same with x and y exchanged, and p1 and p2 exchanged.
+        The model includes COLMAP's models RADIAL and OPENCV, and the third radial term of DJI. With
+        r² = x² + y², x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²). The formula of
+        y' is the same, with x and y exchanged, and p1 and p2 exchanged.
         """
         r2 = x * x + y * y
         scale = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
-        # Directions beyond the fold of the polynomial would wrongly appear inside the image.
+        # Without this limit, directions beyond the fold of the polynomial would wrongly appear
+        # inside the image.
         scale = np.where(r2 < self._fold(), scale, np.nan)
         return (
             x * scale + 2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
@@ -84,7 +87,7 @@ class Intrinsics(NamedTuple):
                 return float(guess[0]), float(guess[1])
             try:
                 guess = guess - np.linalg.solve((there[:, 1:] - there[:, :1]) / 1e-7, error)
-            # The matrix is singular, because the lens polynomial folds here.
+            # The matrix is singular at the fold of the polynomial.
             except np.linalg.LinAlgError:
                 break
         there = np.stack(self.distorted(guess[:1], guess[1:]))[:, 0]
@@ -174,7 +177,8 @@ def pose(matrix: Any, place: str) -> tuple[NDArray[np.float64], NDArray[np.float
         raise RequestError(f"{place}: M3x4 is not 3 rows of 4 numbers")
     numbers = np.array([[number(value, f"{place}: M3x4") for value in row] for row in rows])
     rotation, translation = numbers[:, :3], numbers[:, 3]
-    # Larger elements cannot belong to a rotation. Limiting them avoids overflow.
+    # The elements of a rotation are not larger than 1. They are limited here, because products of
+    # large elements would overflow.
     within = np.clip(rotation, -2.0, 2.0)
     off = np.abs(within @ within.T - np.eye(3)).max()
     if not off < ROTATION_TOLERANCE or np.linalg.det(rotation) < 0.0:
@@ -209,7 +213,9 @@ def checked_intrinsics(width: int, height: int, values: list[float], place: str)
 
 
 def from_field_of_view(fov_deg: float) -> Callable[[int, int], Intrinsics]:
-    """Function that returns intrinsics for any image size, from a horizontal field of view [deg]."""
+    """Make a function that returns intrinsics for any image size, from a horizontal field of view
+    [deg].
+    """
     if not 0.0 < fov_deg < 180.0:
         raise RequestError(f"--fov {fov_deg:g} is not between 0 and 180 degrees")
 
@@ -241,7 +247,7 @@ def named_camera(
 
 
 def from_camera(camera: Camera) -> Callable[[int, int], Intrinsics]:
-    """Function that returns the intrinsics of a camera for any size of its images."""
+    """Make a function that returns the intrinsics of a camera for any size of its images."""
 
     def made(width: int, height: int) -> Intrinsics:
         own = (camera.image_width_px, camera.image_height_px)

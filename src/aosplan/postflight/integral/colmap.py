@@ -1,7 +1,11 @@
 """Reading of poses from a COLMAP reconstruction, in text or binary files.
 
-``cameras.txt`` has one line per camera: CAMERA_ID MODEL WIDTH HEIGHT PARAMS…  ``images.txt`` has two lines per image. The first is IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME. The second has the points of the image and is skipped.  ``cameras.bin`` and ``images.bin`` contain the same values in little-endian order, after a
-count of 8 bytes.  The quaternion and T transform world coordinates to camera coordinates. The centre of the first pixel is (0.5, 0.5). Only if the reconstruction was aligned (``colmap model_aligner``), the world is in metres and z points upwards.
+``cameras.txt`` has one line per camera: CAMERA_ID MODEL WIDTH HEIGHT PARAMS… ``images.txt`` has two
+lines per image. The first is IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME. The second has the
+points of the image and is skipped. ``cameras.bin`` and ``images.bin`` contain the same values in
+little-endian order, after a count of 8 bytes. The quaternion and T transform world coordinates to
+camera coordinates. The centre of the first pixel is (0.5, 0.5). The world is in metres, with z
+upwards, only if the reconstruction was aligned (``colmap model_aligner``).
 """
 
 from __future__ import annotations
@@ -35,7 +39,7 @@ MODELS = {
 """Supported camera models by name, with their parameters."""
 
 BY_NUMBER = [
-    # Models in the order of their numbers in binary files, with their numbers of parameters.
+    # Models in the order of their numbers in binary files, each with its number of parameters.
     ("SIMPLE_PINHOLE", 3), ("PINHOLE", 4), ("SIMPLE_RADIAL", 4), ("RADIAL", 5), ("OPENCV", 8),
     ("OPENCV_FISHEYE", 8), ("FULL_OPENCV", 12), ("FOV", 5), ("SIMPLE_RADIAL_FISHEYE", 4),
     ("RADIAL_FISHEYE", 5), ("THIN_PRISM_FISHEYE", 12),
@@ -214,7 +218,7 @@ def _views(path: str, cameras: dict[str, Intrinsics]) -> Iterator[View]:
 
 
 def _are_points(text: str) -> bool:
-    """Whether a line has the points of an image (X Y POINT3D_ID for each) instead of the next
+    """Whether a line has the points of an image (X Y POINT3D_ID for each point), and not the next
     image.
 
     The line with points may be missing: for an image without points it is empty, and some programs

@@ -1,10 +1,10 @@
 """Search for the distance of the ground from the cameras if the heights of the cameras above the
 ground are not known.
 
-The height of the ground does not follow from poses of photogrammetry or from heights above sea
-level.  Planes at very different distances are therefore compared first.  The nearest plane is at
-twice the spacing of the views, because neighbouring photos do not overlap at smaller distances.
-The farthest plane is at the largest distance at which the views can distinguish planes.
+The height of the ground cannot be computed from poses of photogrammetry or from heights above sea
+level. Planes at very different distances are therefore compared first. The nearest plane is at
+twice the spacing of the views, because neighbouring photos do not overlap on nearer planes. The
+farthest plane is at the largest distance at which the views can distinguish planes.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def range_below(recording: Recording, indices: NDArray[np.intp]) -> tuple[float,
     """Range of heights that contains the clearest plane, and also the ground if the clearest plane
     is at the crowns.
 
-    The recording's plane is moved to the clearest plane.
+    This function moves the plane of the recording to the clearest plane.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def range_below(recording: Recording, indices: NDArray[np.intp]) -> tuple[float,
         plane = recording.plane._replace(height_m=camera_m - float(distance))
         try:
             corners = footprint_m(plane, views[0], lens)
-        except RequestError:  # the central camera is below this plane, or sees the horizon
+        except RequestError:  # The central camera is below this plane, or sees the horizon.
             values.append(0.0)
             continue
         raster = Raster.over([*corners.min(axis=0), *corners.max(axis=0)], pixel_m(corners, lens))

@@ -1,8 +1,8 @@
 """The focal plane: its axes in the world, and the part of it that a view sees.
 
-Positions on the plane are (x, y) in metres.  If z is up, they are x and y of the world.  If z is
-down, as in the AOS project, x is the x of the world, and y is minus the y of the world.  The plane
-is therefore always seen from above, with x to the right and y upwards in the image.
+Positions on the plane are (x, y) in metres. If z is up, they are x and y of the world. If z is
+down, as in the AOS project, x is the x of the world, and y is minus the y of the world. In both
+cases, the image shows the plane from above, with x to the right and y upwards.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ UPS = {"z": (0.0, 0.0, 1.0), "-z": (0.0, 0.0, -1.0), "y": (0.0, 1.0, 0.0), "-y":
 """Directions of the world that may be up, by name."""
 
 MOST_PIXELS = 64_000_000
-"""Largest number of pixels of an integral image.  In colour, its sums need 2 GB."""
+"""Largest number of pixels of an integral image. The sums of a colour image of this size need
+2 GB.
+"""
 
 
 class Plane(NamedTuple):
@@ -50,7 +52,8 @@ class Plane(NamedTuple):
     def frame(self) -> NDArray[np.float64]:
         """Directions in the world, as rows: the axes x and y of the plane, and upwards."""
         up = UPS[self.up]
-        return np.array([(1.0, 0.0, 0.0), (0.0, up[2], -up[1]), up])  # y is the product of up and x
+        # Y is the vector product of up and x.
+        return np.array([(1.0, 0.0, 0.0), (0.0, up[2], -up[1]), up])
 
     def camera_m(self, view: View) -> NDArray[np.float64]:
         """x and y of a camera, and its vertical distance above the plane [m]."""
@@ -67,7 +70,7 @@ class Plane(NamedTuple):
 
 
 def heights_above(plane: Plane, view: View) -> NDArray[np.float64]:
-    """Change of the result of `Plane.to_camera` per metre above the plane, shape (3,)."""
+    """Vector in the camera's frame that corresponds to one metre above the plane, shape (3,)."""
     lift: NDArray[np.float64] = view.rotation @ plane.frame[2]
     return lift
 
@@ -125,7 +128,8 @@ class Raster:
                 f"extent {left:g},{bottom:g},{right:g},{top:g} is empty",
                 "write XMIN,YMIN,XMAX,YMAX in metres on the plane",
             )
-        # The tolerance is for rounding: if a side is a whole number of pixels, no pixel is added.
+        # Because of the tolerance, rounding does not add a pixel if a side is a whole number of
+        # pixels.
         sides = [
             max(math.ceil(min((b - a) / gsd_m, 1e12) - 1e-6), 1)
             for a, b in ((left, right), (bottom, top))

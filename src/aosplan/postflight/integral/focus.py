@@ -47,7 +47,7 @@ BELOW, ABOVE = 0.25, 0.55
 """Default range of heights below and above the plane, as shares of the height of the cameras."""
 
 STEP_PX = 1.3
-"""Shift of the outermost views between two neighbouring planes of the search, in pixels."""
+"""Shift of the outermost views from one plane of the search to the next, in pixels."""
 
 MOST_STEPS = 240
 """Largest number of heights."""
@@ -59,7 +59,7 @@ ROUNDS = 4
 """Number of times that shifts are measured and corrected at each resolution."""
 
 LEAST_VIEWS = 4
-"""Smallest number of views.  With fewer views, heights cannot be distinguished."""
+"""Smallest number of views for a search. Fewer views cannot distinguish heights."""
 
 PROMINENCE = 3.0
 """Smallest prominence of a significant peak, in standard deviations."""
@@ -81,7 +81,7 @@ class Focus(NamedTuple):
         Peaks of the curve: the lowest peak, and the highest peak above it (None if there is no
         other peak).
     correction
-        Corrections of the recorded poses.  They are zero without an alignment.
+        Corrections of the recorded poses. Without an alignment, they are zero.
     yaw_deviation_deg
         Standard deviation of the yaw correction.
     aligned
@@ -182,7 +182,8 @@ def focus_recording(
     recording, indices, progress
         As for `find_focus`.
     heights_m
-        Lowest and highest plane, or ``auto``; None for no search, which returns None.
+        Heights of the lowest and the highest plane, or ``auto``. If it is None, there is no search,
+        and the result is None.
     align
         One of `ALIGNMENTS`; by default ``positions`` if the standard deviation of the recorded
         positions is known, as for photos, and ``none`` otherwise.
@@ -231,8 +232,9 @@ def find_focus(
     indices
         Indices of the views to use.
     heights_m
-        Heights of the lowest and the highest plane.  None: heights around the recording's plane if
-        the heights of the cameras above the ground are known, and all distances otherwise.
+        Heights of the lowest and the highest plane. If it is None, heights around the plane of the
+        recording are searched if the heights of the cameras above the ground are known; otherwise,
+        all distances are searched.
     align
         One of `ALIGNMENTS`.
     sigma_m
@@ -301,7 +303,7 @@ def find_focus(
 def peaks_of(places: Floats, curve: Sequence[Agreement]) -> tuple[int, int | None]:
     """Indices of the lowest significant peak, and of the highest peak above it.
 
-    The largest value is treated as a peak even if it is at an end of the curve.
+    The largest value is treated as a peak, even at an end of the curve.
     """
     from scipy.signal import find_peaks
 
@@ -309,8 +311,8 @@ def peaks_of(places: Floats, curve: Sequence[Agreement]) -> tuple[int, int | Non
     without = np.array([each.without for each in curve])
     count = without.shape[1]
     spread = np.sqrt(count - 1.0) * without.std(axis=1)
-    # Errors of neighbouring values are correlated. The error of their difference is used, because
-    # it is much smaller than the error of each value.
+    # Errors of neighbouring values are correlated. The error of their difference is therefore much
+    # smaller than the error of each value, and is used here.
     best = int(np.argmax(values))
     found, about = find_peaks(values, prominence=0.05 * max(values[best], 0.0))
     clear = [
@@ -357,8 +359,8 @@ class _Search:
         return self._plane.height_m - BELOW * height, self._plane.height_m + ABOVE * height
 
     def heights_between(self, low: float, high: float) -> Floats:
-        """Heights whose planes the outermost views can distinguish.  The heights are denser near
-        the cameras.
+        """Heights that are so far apart that the outermost views can distinguish their planes. Near
+        the cameras, the heights are closer together.
         """
         if not low < high:
             raise RequestError(f"--focus {low:g}..{high:g} is empty", "give the lower height first")
@@ -409,7 +411,9 @@ class _Search:
     def align(
         self, level: _Level, height_m: float, correction: Correction, align: str
     ) -> tuple[float, Correction, int]:
-        """Height and corrections for which the shifts of views have neither growth nor rotation."""
+        """Find the height and the corrections for which the shifts of views have neither growth nor
+        rotation.
+        """
         clear = 0
         for _ in range(ROUNDS):
             plane = self._plane._replace(height_m=height_m)
@@ -443,7 +447,9 @@ class _Search:
         return peak_near(closer, found, best)
 
     def doubt(self, correction: Correction, align: str) -> float:
-        """Standard errors of growth (relative) and rotation [rad] that errors of the positions cause."""
+        """Standard errors of the relative growth and of the rotation [rad], caused by errors of the
+        positions.
+        """
         if align != "positions":
             return 0.0
         sigma = float(np.sqrt(np.mean(correction.shifts_m**2)))

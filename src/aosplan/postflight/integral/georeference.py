@@ -44,7 +44,7 @@ class Georeference(NamedTuple):
         return np.asarray(latitude), np.asarray(longitude)
 
     def to_world(self, latitude: ArrayLike, longitude: ArrayLike) -> tuple[NDArray, NDArray]:  # type: ignore[type-arg]
-        """Points of the plane at latitudes and longitudes: the inverse of `places`."""
+        """Points of the plane at the given latitudes and longitudes: the inverse of `places`."""
         import numpy as np
         from pyproj import Transformer
 

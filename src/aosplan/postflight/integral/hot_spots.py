@@ -61,7 +61,7 @@ class HotSpot(NamedTuple):
         Area in which the difference is at least half of its maximum, and side of a square with this
         area.
     contrast
-        Mean value minus that of the surroundings, in the units of the photos.
+        Mean value of the spot minus the mean value of the surroundings, in the units of the photos.
     deviations
         Largest difference in standard deviations of the surroundings.
     """
@@ -89,7 +89,8 @@ def hot_spots(integral: Integral, seen: NDArray[np.bool_]) -> list[HotSpot]:
         return blurred / np.maximum(gaussian_filter(weight, window), 1e-9)
 
     weight = seen.astype(np.float64)
-    for _ in range(3):  # Spots are excluded from the surroundings with which they are compared.
+    # In each round, the spots that have been found are excluded from the surroundings.
+    for _ in range(3):
         mean = smooth(grey, weight)
         spread = np.sqrt(np.maximum(smooth((grey - mean) ** 2, weight), 1e-12))
         score = np.where(seen, (grey - mean) / spread, 0.0)
@@ -102,7 +103,7 @@ def hot_spots(integral: Integral, seen: NDArray[np.bool_]) -> list[HotSpot]:
             if part.sum() < 2:
                 continue
             above = np.where(part, sign * (grey[box] - mean[box]), 0.0)
-            # the part of the spot in which the difference is at least half of its maximum
+            # This is the part of the spot in which the difference is at least half of its maximum.
             part = above >= 0.5 * above.max()
             rows, columns = np.nonzero(part)
             off = np.abs(grey[box] - mean[box])[part]

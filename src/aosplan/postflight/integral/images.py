@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 EXTRA = "pictures"
 
 PLAIN_PIXELS = 25_000_000
-"""Number of pixels that every image may have, for any size of its file."""
+"""An image may have this number of pixels, whatever the size of its file."""
 
 PIXELS_A_BYTE = 100
-"""Largest number of pixels per byte of the file, for larger images.  Photos have about one pixel
-per byte.
+"""Larger images may have at most this number of pixels per byte of their file. Photos have about
+one pixel per byte.
 """
 
 REDUCIBLE = (".jpg", ".jpeg")
@@ -66,7 +66,8 @@ class Picture(NamedTuple):
     is_byte
         Whether values are between 0 and 255.
     block_px
-        Side of the blocks of pixels of the file whose means the pixels are.
+        Each pixel is the mean of a square block of pixels of the file; this is the side of the
+        block.
     """
 
     pixels: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
@@ -180,8 +181,9 @@ def read_picture(path: str, block_px: int = 1) -> Picture:
     path
         The file.
     block_px
-        Side of the blocks of pixels whose means are sufficient.  JPEGs are decoded at a half, a
-        quarter or an eighth of their size if these pixels are not larger.
+        The caller only needs the means of square blocks of pixels with this side. A JPEG is
+        therefore decoded at a half, a quarter or an eighth of its size, if its pixels are then not
+        larger than the blocks.
 
     Raises
     ------
@@ -217,7 +219,9 @@ def read_picture(path: str, block_px: int = 1) -> Picture:
 
 
 def _without(picture: Picture, nodata: Any) -> Picture:
-    """A picture whose values for missing data, as text in the tag of GDAL, are nan."""
+    """A picture in which the value for missing data is replaced by nan. `nodata` is this value as
+    text, from GDAL's tag.
+    """
     try:
         missing = float(str(nodata).strip("\0 "))
     except ValueError:
@@ -230,7 +234,8 @@ def _without(picture: Picture, nodata: Any) -> Picture:
 def _deep(image: Image, path: str) -> NDArray[np.generic] | None:
     """Pixels of an image whose values Pillow would truncate or misread; None for other images.
 
-    Pillow keeps 8 of 16 bits of colour images, and reads unsigned 32-bit values as signed ones.
+    Pillow reads only 8 of the 16 bits of colour images, and reads unsigned 32-bit values as signed
+    values.
     """
     tags = getattr(image, "tag_v2", {})
     raw = " ".join(str(tile[3]) for tile in getattr(image, "tile", ()))
@@ -268,8 +273,8 @@ def _first(value: Any, otherwise: int) -> int:
 
 
 def _deep_picture(pixels: NDArray[np.generic]) -> Picture:
-    """The picture of an array of shape (rows, columns) or (rows, columns, bands); a 2nd or 4th is
-    alpha.
+    """The picture of an array of shape (rows, columns) or (rows, columns, bands). The second of two
+    bands, or the fourth of four bands, is alpha.
     """
     if pixels.dtype != np.uint16:
         pixels = pixels.astype(np.float32)
@@ -340,7 +345,7 @@ def png_bytes(
     seen
         Shape (rows, columns): mask of the pixels that are seen.
     limits
-        Values that become black and white.
+        The value that becomes black, and the value that becomes white.
     """
     from PIL import Image
 
@@ -349,8 +354,11 @@ def png_bytes(
     rows, columns, count = values.shape
     bands = np.zeros((rows, columns, count + 1), dtype=np.uint8)
     for top in range(
-        0, rows, ROWS_AT_ONCE
-    ):  # the values of a large image are not copied as a whole
+        0,
+        rows,
+        ROWS_AT_ONCE,
+        # Rows are converted in parts, so that the values of a large image are not copied as a whole.
+    ):
         part = slice(top, top + ROWS_AT_ONCE)
         with np.errstate(invalid="ignore"):
             scaled = np.clip(np.rint((values[part] - low) * scale), 0.0, 255.0)

@@ -1,8 +1,8 @@
 """Integral images: views are warped onto the focal plane and averaged.
 
-A pixel of the raster is the mean of the views that show it, weighted by their alpha.  Grey values
-that are not finite are ignored.  In addition to the sums, only one image is in memory at a time.
-The required memory therefore depends on the raster and not on the number of images.
+A pixel of the raster is the mean of the views that show it, weighted by their alpha. Grey values
+that are not finite are ignored. Only the sums and one image are in memory at a time. The required
+memory therefore does not depend on the number of images.
 
 Images are warped as `aosplan.postflight.integral.warping` describes.
 """
@@ -66,8 +66,8 @@ class Integral:
 
     def seen(self, least_views: int) -> NDArray[np.bool_]:
         """Mask of the pixels that at least `least_views` views see, shape (rows, columns)."""
-        # With this tolerance, a view is counted even if its weight is slightly below 1 at the edge
-        # of its image.
+        # Because of this tolerance, a view counts even if its weight is slightly below 1 at the
+        # edge of its image.
         mask: NDArray[np.bool_] = self.coverage >= least_views - 1e-3
         return mask
 
@@ -90,18 +90,18 @@ def integrate(
     plane, raster
         Plane and pixels of the integral image.
     relief_m
-        Heights of the focal surface above the plane at the raster's pixels, shape (rows, columns);
-        None for the plane itself.
+        Heights of the focal surface above the plane at the pixels of the raster, shape (rows,
+        columns); None if the focal surface is the plane itself.
     adjust
         Function that changes each image before it is added, for example its exposure.
     progress
-        Function that is called with the number of views done.
+        Function that is called with the number of finished views.
 
     Raises
     ------
     RequestError
         If an image is damaged, does not have the size of its camera, or has other bands than the
-        images before it; if a camera is below the plane; or if no view sees the raster.
+        previous images; if a camera is below the plane; or if no view sees the raster.
     """
     sums: NDArray[np.float64] | None = None
     bands: int | None = None
@@ -137,7 +137,7 @@ def integrate(
 def read_source(source: ViewSource, bands: int | None, block_px: int = 1) -> Picture:
     """The image of a view, after checking its size and its bands.
 
-    The means of blocks of pixels of this side are sufficient (`read_picture`).
+    `block_px` is the side of the blocks of pixels whose means the caller needs (`read_picture`).
     """
     picture = read_picture(source.path, block_px)
     wanted = source.intrinsics.in_blocks(picture.block_px)[:2]
@@ -166,8 +166,8 @@ def add_view(
     coverage: NDArray[np.float64],
     relief_m: NDArray[np.float64] | None = None,
 ) -> bool:
-    """Add one view to the sums, shape (rows, columns, bands); return whether it sees any of the
-    raster.
+    """Add one view to the sums, shape (rows, columns, bands). Returns whether the view sees any
+    part of the raster.
     """
     with needs_extra("warping images", "pictures"):
         import cv2

@@ -27,7 +27,7 @@ def stack_bytes(pages: Sequence[NDArray[np.float64]], heights_m: Sequence[float]
     Parameters
     ----------
     pages
-        Shape (rows, columns, bands) each.
+        Integral images, each of shape (rows, columns, bands).
     heights_m
         Heights, which become the descriptions of the pages.
     """
@@ -60,7 +60,7 @@ def film_bytes(
     pages, heights_m
         As in `stack_bytes`.
     limits
-        Values that become black and white.
+        The value that becomes black, and the value that becomes white.
     """
     from PIL import Image, ImageDraw
 

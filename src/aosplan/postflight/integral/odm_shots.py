@@ -1,11 +1,11 @@
 """Reading of poses from OpenDroneMap's ``shots.geojson``.
 
-Each feature has the position of a photo as latitude and longitude.  Its properties are
-``filename``, ``width`` and ``height``, and three others.  ``focal`` is the focal length divided by
-the longer side of the image.  ``translation`` is the position of the camera in metres, in the UTM
-zone of the reconstruction.  ``rotation`` is the rotation from world to camera, as an axis times an
-angle.  The file does not contain lens distortion.  It should therefore be used with undistorted
-images.
+Each feature has the position of a photo as latitude and longitude. Its properties are ``filename``,
+``width`` and ``height``, and three others. ``focal`` is the focal length divided by the longer side
+of the image. ``translation`` is the position of the camera in metres, in the UTM zone of the
+reconstruction. ``rotation`` is the rotation from world to camera, as an axis times an angle. The
+file does not contain lens distortion. It should therefore be used with images whose distortion has
+been removed.
 """
 
 from __future__ import annotations

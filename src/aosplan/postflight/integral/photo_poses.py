@@ -44,7 +44,7 @@ class PhotoOptions(NamedTuple):
     band
         One of `aosplan.postflight.photo_metadata.BANDS`; None if the folder has only one band.
     plan
-        File of a plan; None for ``plan.json`` in the folder, if it exists.
+        File of a plan. If it is None, ``plan.json`` in the folder is used if it exists.
     altitude_m
         Mean height of the cameras above the take-off point, for photos without a height.
     heading_deg
@@ -69,7 +69,7 @@ class PosedViews(NamedTuple):
 
 
 class _Plan(NamedTuple):
-    """Values of a plan that may be missing in photos."""
+    """Values of a plan, for photos that do not have these values."""
 
     altitude_m: float | None = None
     heading_deg: float | None = None
@@ -94,8 +94,8 @@ def read_photo_poses(
     Raises
     ------
     RequestError
-        If a value is missing in a photo, in the options and in a plan, or if the folder has photos
-        of several bands and no band is chosen.
+        If neither a photo, nor the options, nor a plan has a value that is needed, or if the folder
+        has photos of several bands and no band is chosen.
     """
     plan, messages = _plan_of(folder, options)
     placed, known, said = chosen_photos(folder, options.band)
@@ -191,8 +191,8 @@ def _heights(
 ) -> tuple[NDArray[np.float64], list[Message]]:
     """Heights above the take-off point.
 
-    They are the barometric heights.  If there are RTK heights, they are the mean barometric height
-    plus the differences of the RTK heights.
+    The result is the barometric heights. If there are RTK heights, it is the mean barometric height
+    plus the deviations of the RTK heights from their mean.
     """
     relative = [
         one if one is not None else other.relative_altitude_m

@@ -31,7 +31,7 @@ def read_poses(path: str) -> list[View]:
     Raises
     ------
     RequestError
-        If the file is not such a document.  The message names the image.
+        If the file has neither of these forms. The message names the image.
     """
     if os.path.isdir(path) or path.lower().endswith((".txt", ".bin")):
         from aosplan.postflight.integral.colmap import read_colmap

@@ -48,13 +48,16 @@ class Recording:
         `images` is the folder of the images; None if the images are the photos in the folder
         `poses`.
     focal_height_m, slope
-        Height of the focal plane along the world's upward axis, and its rise along x and y.  None
-        if the height will be searched for.  Until then, the height is 0 for photos, because their
-        heights are above the take-off point, and otherwise any height below the cameras.
+        Height of the focal plane along the world's upward axis, and its rise along x and y. None if
+        the height will be searched for. Until it is found, a provisional height is used: 0 for
+        photos, because their heights are above the take-off point, and otherwise a height below the
+        cameras.
     up
-        Name of the upward axis; None for z or -z, whichever is opposite to the viewing directions.
+        Name of the upward axis. If it is None, the axis is z or -z, whichever is opposite to the
+        viewing directions.
     camera
-        Function that returns the intrinsics for an image size; None to take them from the poses.
+        Function that returns the intrinsics for an image size. If it is None, the intrinsics are
+        taken from the poses.
     photos
         Values for metadata that the photos do not have.
 
@@ -72,7 +75,8 @@ class Recording:
     sigma_m
         Standard deviation of the positions, if it is known.
     is_height_known
-        Whether the heights of the cameras above the plane are about those above the ground.
+        Whether the heights of the cameras above the plane are about the same as their heights above
+        the ground.
 
     Raises
     ------
@@ -224,7 +228,7 @@ def _cameras(
     paths: Sequence[str],
     camera: Callable[[int, int], Intrinsics] | None,
 ) -> list[Intrinsics]:
-    """Intrinsics of each view: those in its pose, or those of the given camera for all views."""
+    """Intrinsics of each view: the intrinsics in its pose, or the given camera for all views."""
     missing = next((view for view in views if view.intrinsics is None), None)
     if camera is not None:
         known = next((view for view in views if view.intrinsics is not None), None)
@@ -234,7 +238,8 @@ def _cameras(
                 "line gives another one",
                 "leave out --camera and --fov",
             )
-        # A camera has a single image size. Images of another size are refused when they are read.
+        # The camera has the same image size for all views. Images of another size are refused when
+        # they are read.
         return [camera(*image_size(paths[0]))] * len(views)
     if missing is not None:
         raise RequestError(

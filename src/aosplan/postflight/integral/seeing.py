@@ -31,8 +31,8 @@ EXPOSURE_PX = 96
 
 
 def together(steps: Sequence[Adjust]) -> Adjust | None:
-    """An adjustment that applies several adjustments one after the other; None if there are
-    none.
+    """Combine several adjustments into one that applies them one after the other; None if there are
+    no adjustments.
     """
     if not steps:
         return None
@@ -53,8 +53,8 @@ def adjustment(
     equalize: bool = False,
     feather: bool = False,
 ) -> Adjust | None:
-    """The requested adjustments of each photo, beginning with the exposure; None if there are
-    none.
+    """The requested adjustments of each photo, beginning with the exposure; None if no adjustment
+    is requested.
     """
     steps: list[Adjust] = []
     if equalize:
@@ -66,7 +66,7 @@ def adjustment(
 
 
 def faded(_source: ViewSource, picture: Picture) -> Picture:
-    """A picture whose weight decreases towards its edges.  The edges of photos are then invisible
+    """A picture whose weight decreases towards its edges, which makes the edges of photos invisible
     in the integral image.
     """
     width, height = picture.size
@@ -114,7 +114,7 @@ def equalized(sources: Sequence[ViewSource], plane: Plane, raster: Raster) -> Ad
                 change[index] *= float(mean[there].mean() / max(image[there].mean(), 1e-6))
             else:
                 change[index] += float(mean[there].mean() - image[there].mean())
-    # The changes are scaled so that the mean brightness of all photos does not change.
+    # The corrections are scaled, so that the mean brightness of all photos does not change.
     change = change / np.exp(np.log(change).mean()) if is_byte else change - change.mean()
     by_name = {source.path: float(value) for source, value in zip(sources, change, strict=True)}
 

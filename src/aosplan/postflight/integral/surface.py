@@ -57,8 +57,8 @@ def relief_of(
 ) -> NDArray[np.float64]:
     """Heights of an elevation model above the take-off point at the pixels of a raster.
 
-    The shape is (rows, columns).  The take-off point is assumed to be below the first photo.  The
-    first photo is at `first_m` along x and y.
+    The shape is (rows, columns). The take-off point is assumed to be below the first photo, which
+    is at `first_m` along x and y.
 
     Raises
     ------

@@ -106,8 +106,8 @@ def chosen(
     middle = 0.5 * (positions_m.min(axis=0) + positions_m.max(axis=0))
     offsets = positions_m - middle
     if choice.aperture_m is not None:
-        # The tolerance is for rounding errors: all views of a grid with exactly this aperture are
-        # inside.
+        # Because of the tolerance, all views of a grid with exactly this aperture are inside, in
+        # spite of rounding errors.
         reach = 0.5 * choice.aperture_m * (1.0 + 1e-9) + 1e-9
         left = left[np.abs(offsets[left]).max(axis=1) <= reach]
     if choice.pitch_m is not None and len(left):
@@ -125,8 +125,7 @@ def _thinned(
 ) -> NDArray[np.intp]:
     """Views that are at least one pitch apart, chosen from the centre outwards.
 
-    No further view can be added, because each view that is left out is closer than the pitch to
-    some chosen view.
+    Each view that is left out is closer than one pitch to a chosen view.
     """
     from scipy.spatial import cKDTree
 
@@ -137,8 +136,8 @@ def _thinned(
     for index in np.argsort(np.hypot(*points.T), kind="stable"):
         if free[index]:
             kept.append(index)
-            # The tolerance is for rounding errors: all sites of a grid with exactly this pitch are
-            # chosen.
+            # Because of the tolerance, all sites of a grid with exactly this pitch are chosen, in
+            # spite of rounding errors.
             free[tree.query_ball_point(points[index], pitch_m * (1.0 - 1e-9))] = False
     return np.sort(left[kept])
 

@@ -1,11 +1,11 @@
 """Images warped onto a focal plane, by OpenCV.
 
-A raster is computed in tiles.  Each tile is computed from the part of the image that it shows, so
-that the memory does not depend on the size of the raster or of the image.  An image extends to the
-outer edges of its pixels.  Between the centres of pixels, values are interpolated bilinearly.  From
-the outermost centres to the edges, the outermost values are used.  If a pixel of the raster is at
-least twice as large as a pixel of the image, the pixels of the image are averaged in blocks first,
-so that every pixel is used.
+A raster is computed in tiles. Each tile is computed from the part of the image that it shows. The
+required memory therefore depends neither on the size of the raster nor on that of the image. An
+image extends to the outer edges of its pixels. Between the centres of pixels, values are
+interpolated bilinearly. From the outermost centres to the edges, the outermost values are used. If
+a pixel of the raster is at least twice as large as a pixel of the image, the pixels of the image
+are first averaged in blocks. Every pixel is therefore used.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ TILE_PX = 1024
 """Longest side of a tile of the raster."""
 
 MARGIN_PX = 4
-"""Margin around the part of an image that a tile shows, in blocks."""
+"""Margin around the part of an image that a tile shows, measured in blocks."""
 
 
 class RasterWindow(NamedTuple):
@@ -88,7 +88,7 @@ def warped(
     pixels
         Shape (rows, columns, bands), with at most four bands.
     intrinsics
-        Its camera.
+        The camera of the image.
     ray
         Shape (3, 3): maps (column, row, 1) of the raster to the camera's frame.
     raster
@@ -143,7 +143,7 @@ def _reached(ray: Floats, intrinsics: Intrinsics, raster: Raster) -> RasterWindo
         np.array([0.0, 0.0, 1.0, 1.0]) * intrinsics.height_px - intrinsics.cy_px
     ) / intrinsics.fy_px
     columns, rows, scale = np.linalg.solve(ray, np.stack([x, y, np.ones(4)]))
-    if not (scale > 0.0).all():  # the horizon is in the image
+    if not (scale > 0.0).all():  # The horizon is in the image.
         return whole
     columns, rows = columns / scale, rows / scale
     window = RasterWindow(
@@ -158,8 +158,8 @@ def _reached(ray: Floats, intrinsics: Intrinsics, raster: Raster) -> RasterWindo
 def block_of(intrinsics: Intrinsics, ray: Floats, raster: Raster) -> int:
     """Side of the square blocks of an image that have about the size of a raster step [px].
 
-    The size of a raster step is that at the middle of the part of the raster that the image can
-    reach.  The parameters have the same meaning as in `warped`.
+    The size of a raster step is measured in the middle of the part of the raster that the image can
+    reach. The parameters have the same meaning as in `warped`.
     """
     window = _reached(ray, intrinsics, raster)
     return 1 if window is None else _block(intrinsics, ray, window)
@@ -220,8 +220,8 @@ def _by_homography(
 def _spans(matrix: Floats, shape: tuple[int, int], intrinsics: Intrinsics) -> NDArray[np.uint8]:
     """Mask of the pixels of a tile whose centres are inside an image.
 
-    The condition 0 <= u < width, 0 <= v < height is linear in the column, because u and v are
-    quotients with the same positive denominator.  The pixels of a row are therefore one span.
+    The conditions 0 <= u < width and 0 <= v < height are linear in the column, because u and v are
+    quotients with the same positive denominator. The pixels of a row are therefore one span.
     """
     rows, columns = shape
     edges = [
@@ -252,8 +252,8 @@ def _spans(matrix: Floats, shape: tuple[int, int], intrinsics: Intrinsics) -> ND
 def _reduced(
     pixels: NDArray[np.generic], u: Floats, v: Floats, block: int
 ) -> tuple[NDArray[np.float32], tuple[int, int]]:
-    """The part of an image around some positions, averaged in blocks, as float32; and its left and
-    top [px].
+    """The part of an image around some positions, averaged in blocks, as float32, and the
+    coordinates of its left and upper edge [px].
     """
     import cv2
 
@@ -278,7 +278,7 @@ def _by_coordinates(
     block: int,
     relief: Relief | None,
 ) -> Warped | None:
-    """Warp any image point by point, with lens distortion, and only below the horizon."""
+    """Warp an image with lens distortion point by point. Points above the horizon are left out."""
     with needs_extra("warping images", "pictures"):
         import cv2
 
