@@ -54,5 +54,5 @@ def test_the_smallest_root_is_that_of_bisection_in_fewer_evaluations(name):
     root = smallest_root(excess, low, high)
     assert root == smallest(lambda at: function(at) <= 0.0, low, high)
     assert function(math.nextafter(root, -math.inf)) > 0.0
-    smooth = name in ("saturating", "a straight line")  # bisection takes more than 50
+    smooth = name in ("saturating", "a straight line")  # Bisection takes more than 50 evaluations.
     assert len(asked) <= (25 if smooth else 200)

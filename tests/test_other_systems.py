@@ -55,7 +55,7 @@ def test_requests_have_any_newline_and_the_encodings_of_powershell(tmp_path, new
     text = newline.join(["altitude = 40", 'vhat = "98%"', ""])
     assert text_of(text.encode(encoding), "x") == text
     if newline == "\r":
-        return  # TOML does not have this line break
+        return  # TOML does not allow this line break.
     path = tmp_path / "request.toml"
     path.write_bytes(text.encode(encoding))
     assert read_request(str(path)) == {"altitude": 40, "vhat": "98%"}

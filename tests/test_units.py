@@ -91,7 +91,7 @@ def test_what_is_not_a_number_is_refused(text):
         ("100in", "m", 2.54),
         ("18km/h", "m/s", 5.0),
         ("10mph", "m/s", 4.4704),
-        ("3600kn", "m/s", 1852.0),  # a nautical mile per hour
+        ("3600kn", "m/s", 1852.0),  # A knot is a nautical mile per hour.
         ("2min", "s", 120.0),
     ],
 )

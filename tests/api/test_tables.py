@@ -39,7 +39,7 @@ def test_geopandas_reads_waypoints_and_plans(placed):
     whole = geopandas.GeoDataFrame.from_features(placed, crs=4326)
     assert len(whole) == len(points) + 1
     assert whole.geometry.iloc[-1].geom_type == "LineString"
-    # Distances in UTM agree with those of the plan.
+    # Distances in UTM agree with the distances of the plan.
     metres = points.to_crs(points.estimate_utm_crs())
     east, north = placed.waypoints.east_m, placed.waypoints.north_m
     planned = ((east[1] - east[0]) ** 2 + (north[1] - north[0]) ** 2) ** 0.5

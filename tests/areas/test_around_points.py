@@ -87,7 +87,8 @@ def test_projected_points_are_transformed(tmp_path):
     crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32633"}}
     (tmp_path / "points").write_text(features([(450_000, 5_354_000)], crs=crs))
     area = read_area(str(tmp_path / "points"), around_m=5.0)
-    assert [notice.code for notice in area.notices] == ["reprojected"]  # as for areas from polygons
+    # The notice is the same as for areas from polygons.
+    assert [notice.code for notice in area.notices] == ["reprojected"]
     latitude, longitude = area.origin
     assert latitude == pytest.approx(48.336, abs=0.01)
     assert longitude == pytest.approx(14.325, abs=0.01)

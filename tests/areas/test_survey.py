@@ -197,7 +197,7 @@ def test_a_disc_around_a_pole_is_covered(file):
     judge = Judge(plan)
     angle = np.linspace(0, 2 * math.pi, 100)
     points = np.column_stack([np.cos(angle), np.sin(angle)])
-    points = np.concatenate([66.9 * points, 30.0 * points, 0.0 * points])  # 0.0006° is 67 m
+    points = np.concatenate([66.9 * points, 30.0 * points, 0.0 * points])  # 0.0006° are 67 m.
     assert (judge.seen(points, judge.rectangle()) >= 10).all()
 
 
@@ -458,7 +458,8 @@ def test_images_too_small_for_the_grid_are_an_error_with_a_remedy(file):
 )
 def test_the_best_grid_fits_into_the_images(file, vhat, optimize):
     path = file(shapely.box(-40, -30, 40, 30))
-    # Without an interval, the grid with the shortest time takes more photos than are allowed.
+    # Without a shortest interval between photos, the grid with the shortest time has more photos
+    # than are allowed.
     options = {"vhat": vhat, "optimize": optimize, "trigger": "distance", "photo_interval": 1.0}
     taken = []
     for grid in ("trimmed", "lanes"):

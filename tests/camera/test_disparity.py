@@ -57,7 +57,9 @@ def needed_baseline(slab, height, altitude, focal_length):
 
 
 def occluders(slabs, altitude, focal_length, count):
-    """Baselines that evenly distributed occluders of the slabs need, and their shares."""
+    """Evenly distributed occluders of the slabs: the baseline that each occluder needs, and its
+    share of all occluders.
+    """
     spread = (np.arange(count) + 0.5) / count
     needed = [
         needed_baseline(

@@ -45,7 +45,7 @@ def test_every_option_of_a_command_is_offered_with_its_help(name):
 
 def test_options_that_were_given_are_not_offered_again():
     assert "--altitude" not in words("plan", "--altitude", "40", "--")
-    assert "--out" in words("plan", "--out", "a.csv", "--")  # this option can be repeated
+    assert "--out" in words("plan", "--out", "a.csv", "--")  # This option can be repeated.
 
 
 @pytest.mark.parametrize(

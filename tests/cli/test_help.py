@@ -63,7 +63,7 @@ def things(tmp_path_factory):
     many = plan(PlanRequest(altitude=40, samples=60, origin="48,14"))
     many.write(str(folder / "views.csv"))
     (folder / "photos").mkdir()
-    for waypoint in list(planned.waypoints)[3:]:  # three options are missing
+    for waypoint in list(planned.waypoints)[3:]:  # The first three waypoints have no photo.
         place = waypoint.latitude, waypoint.longitude
         photo(folder / "photos" / f"{waypoint.index}.jpg", *place)
     for index in range(30):

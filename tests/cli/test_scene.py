@@ -40,7 +40,8 @@ def test_a_scene_is_saved_under_every_given_name(folder, command):
     assert command("scene", "savanna", "--save", "a.toml", "--save", "b.toml", "--quiet")[0] == 0
     assert (folder / "a.toml").read_bytes() == (folder / "b.toml").read_bytes() != b""
     (folder / "b.toml").unlink()
-    for again in ("a.toml", "./b.toml"):  # exists already; is given twice
+    # The first file exists already, and the second is given twice.
+    for again in ("a.toml", "./b.toml"):
         refused = command("scene", "paper-forest", "--save", "b.toml", "--save", again)
         check_refusal(*refused)
         assert not (folder / "b.toml").exists()

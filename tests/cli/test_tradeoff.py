@@ -17,7 +17,8 @@ def test_the_trade_off_is_the_same_table_in_three_formats(folder, document, comm
     assert [own["extent_x_m"], own["extent_y_m"]] == chosen["grid"]["extent_m"]
     for name in ("table.csv", "table.json", "table.jsonl"):
         status, _, err = command(*line, "--optimize", "aperture", "--out", name)
-        assert (status, err.count("\n")) == (0, 1)  # one warning: the disparity is below one pixel
+        # There is one warning: the disparity is below one pixel.
+        assert (status, err.count("\n")) == (0, 1)
     assert loads((folder / "table.json").read_text())["rows"] == rows
     lines = (folder / "table.jsonl").read_text().splitlines()
     assert [loads(line) for line in lines] == rows
@@ -35,7 +36,8 @@ def test_the_trade_off_shows_the_front_and_the_plan_on_a_terminal(command):
     )
     assert (status, err) == (0, "")
     assert all(len(line) <= 80 for line in out.splitlines())
-    assert sum("◀" in line for line in out.splitlines()) == 2  # the row of the plan, and the note
+    # The mark is in the row of the plan and in the note.
+    assert sum("◀" in line for line in out.splitlines()) == 2
 
 
 def test_rows_of_a_trade_off_have_the_probability_of_detection(document, command):

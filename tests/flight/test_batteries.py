@@ -87,7 +87,8 @@ def home_of(result):
         first = result.waypoints[0]
         return TakeoffPoint(first.east_m, first.north_m, 0.0)
     latitude, longitude = result.request.takeoff
-    # Accurate to a millimetre over some tens of metres, with the radii of curvature of WGS 84.
+    # This conversion uses the radii of curvature of WGS 84. It is accurate to a millimetre over
+    # some tens of metres.
     from pyproj import Geod
 
     azimuth, _, distance = Geod(ellps="WGS84").inv(LINZ[1], LINZ[0], longitude, latitude)
@@ -104,8 +105,8 @@ def test_each_flight_is_too_full_for_the_next_site(values):
         assume(False)
     missions, timing, home = split.missions(), split.route.timing, home_of(split)
     for mission, following in pairwise(missions):
-        # If the next site were added, or the next line if lines are flown without stops, the flight
-        # would be too long.
+        # With the next site, the flight would be too long. If lines are flown without stops, it
+        # would be too long with the next line.
         ways = list(mission.waypoints) + list(following.waypoints)
         count = len(mission.waypoints)
         part = next(
@@ -127,8 +128,8 @@ def test_each_flight_is_too_full_for_the_next_site(values):
 
 
 def test_transit_times_agree_with_a_calculation_by_hand():
-    # 30 m up, 40 m there, one photo, and back: 40 m take 10.5 s at 5 m/s and 2 m/s², and 30 m take
-    # 11.5 s at 3 m/s.
+    # The flight is 30 m up, 40 m to the site, one photo, and back. 40 m take 10.5 s at 5 m/s and 2
+    # m/s², and 30 m take 11.5 s at 3 m/s.
     track = Track([0.0], [40.0], [30.0], [True])
     (flight,) = flights_of(track, Timing(5.0, 2.0, 1.5, 3.0), TakeoffPoint(0.0, 0.0, 0.0))
     assert flight.time_s == pytest.approx(2 * (10.5 + 11.5) + 1.5)
@@ -139,7 +140,8 @@ def test_headwind_slows_the_transit_and_tailwind_does_not_speed_it_up():
     track = Track([0.0], [400.0], [30.0], [True])
     timing, home = Timing(5.0, 2.0, 0.0, 3.0), TakeoffPoint(0.0, 0.0, 0.0)
     (calm,) = flights_of(track, timing, home)
-    # Against the wind 15 - 13 = 2 m/s remain; with the wind the autopilot keeps its 5 m/s.
+    # Against the wind, the ground speed is 15 - 13 = 2 m/s. With the wind, the autopilot keeps 5
+    # m/s.
     (windy,) = flights_of(track, timing._replace(wind=(0.0, -13.0), airspeed_mps=15.0), home)
     assert windy.time_s - calm.time_s == pytest.approx((200.0 + 1.0) - (80.0 + 2.5))
 

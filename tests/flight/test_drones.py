@@ -72,7 +72,7 @@ def test_the_speed_is_limited_to_the_top_speed_of_the_drone():
 def test_a_camera_too_slow_for_short_stops_is_a_warning():
     result = plan(PlanRequest(altitude=40, drone="dji-m3t", hold=0, baseline=0.5, samples=9))
     (warning,) = [warning for warning in result.warnings if warning.code == "photo_interval"]
-    # 0.5 m from stop to stop takes one second at 2 m/s²; the camera needs two.
+    # A leg of 0.5 m from stop to stop takes one second at 2 m/s², but the camera needs two seconds.
     assert "give --hold 1" in warning.message
     held = plan(PlanRequest(altitude=40, drone="dji-m3t", hold=1, baseline=0.5, samples=9))
     assert "photo_interval" not in {warning.code for warning in held.warnings}

@@ -138,7 +138,7 @@ def test_photos_while_flying_are_taken_at_constant_speed(speed):
     times = track_of(points, sites.photo).times_s(timing)
     photos = [time for time, photo in zip(times, sites.photo, strict=True) if photo]
     assert [b - a for a, b in pairwise(photos)] == pytest.approx([3.0 / speed] * 7, rel=1e-12)
-    assert photos[0] == pytest.approx(speed / 2.0)  # v/a from the stop
+    assert photos[0] == pytest.approx(speed / 2.0)  # The first photo is v/a after the stop.
 
 
 def test_a_steep_line_is_flown_as_slowly_as_its_steepest_leg_allows():
@@ -165,7 +165,7 @@ def test_the_ground_speed_in_wind_keeps_the_airspeed_limit(speed, start, course)
 
 def test_wind_from_the_north_blows_south():
     assert wind_mps(3.0, 0.0) == pytest.approx((-3.0, 0.0))
-    # wind from the east blows west
+    # Wind from the east blows to the west.
     assert wind_mps(3.0, 90.0) == pytest.approx((0.0, -3.0), abs=1e-12)
     assert wind_mps(3.0, 120.0, heading_deg=120.0) == pytest.approx((-3.0, 0.0))
 

@@ -30,7 +30,7 @@ def ruling(result):
         # 5.27 cm per pixel at 40 m: one pixel in 20 ms is 2.64 m/s.
         ({"exposure_time": 0.02}, 40 * 7.68 / 640 / 9.1 / 0.02, "--max-blur"),
         ({"exposure_time": 0.02, "max_blur": 0.5}, 20 * 7.68 / 640 / 9.1 / 0.02, "--max-blur"),
-        # 2.8 m every 2 s.
+        # The limit is 2.8 m in 2 s.
         ({"photo_interval": 2}, 1.4, "the camera needs 2 s"),
         ({"photo_interval": 2, "exposure_time": 0.1}, 40 * 7.68 / 640 / 9.1 / 0.1, "--max-blur"),
         (
@@ -69,7 +69,7 @@ def test_no_photo_is_blurred_or_missed(exposure, blur, interval, wanted):
         interval * speed / result.solution.baseline_m,
         speed / wanted,
     )
-    assert max(used) == pytest.approx(1.0)  # one of the limits is reached exactly
+    assert max(used) == pytest.approx(1.0)  # One of the limits is reached exactly.
 
 
 @pytest.mark.parametrize("heading", [0.0, 57.0, 300.0])

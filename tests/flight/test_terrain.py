@@ -83,7 +83,8 @@ def test_rasters_in_degrees_in_metres_and_rotated_give_the_same_heights(folder, 
     with Terrain(sloped) as one, Terrain(degrees) as two, Terrain(turned) as three:
         assert two.heights_m(*places) == pytest.approx(one.heights_m(*places), abs=2e-3)
         assert three.heights_m(*places) == pytest.approx(one.heights_m(*places), abs=2e-3)
-        assert one.pixel_m == pytest.approx(1.0, abs=4e-4)  # the scale of UTM here
+        # The tolerance is for the scale of UTM at this place.
+        assert one.pixel_m == pytest.approx(1.0, abs=4e-4)
         assert three.pixel_m == pytest.approx(one.pixel_m)
         # 1e-5 degrees are 1.11 m to the north and 0.74 m to the east. The smaller one is used.
         assert two.pixel_m == pytest.approx(0.742, abs=0.002)
@@ -255,8 +256,8 @@ def test_climbs_increase_the_flight_time(sloped):
     steep = planned(baseline=20, samples=16, grid="line", heading=90, terrain=sloped)
     slow = planned(baseline=20, samples=16, grid="line", heading=90, terrain=sloped, climb=0.5)
     assert flat.route.time_s < steep.route.time_s < slow.route.time_s
-    # 15 legs, each about 4 m up and 20 m long (grid north is not true north), at a climb rate of
-    # 0.5 m/s, with a ramp of v/a for each.
+    # There are 15 legs. Each is about 20 m long and rises by about 4 m (about, because grid north
+    # is not true north). At a climb rate of 0.5 m/s, each leg also needs v/a to accelerate.
     ground = true_ground(slope, slow.waypoints, slow)
     rise = (ground[-1] - ground[0]) / 15
     assert rise == pytest.approx(4.0, abs=0.05)

@@ -47,7 +47,7 @@ def test_map_shares_equal_rays_through_known_leaves(found):
     )
     shown = band[rows, columns][some]
     assert np.ptp(true) > 0.3
-    assert np.abs(shown - true).mean() < 0.08  # leaves are known by the pulses only
+    assert np.abs(shown - true).mean() < 0.08  # The map only knows the leaves from the pulses.
     assert np.corrcoef(shown, true)[0, 1] > 0.9
 
 

@@ -136,7 +136,8 @@ def test_stopping_takes_one_photo_at_each_site_after_its_hold(photo):
 
 
 def test_a_distance_trigger_is_on_along_lines_and_off_between_them():
-    mission = grid(12, kind="rectangle", trigger="distance", baseline_m=2.5)  # 3 rows of 4
+    # The grid has 3 rows of 4 sites.
+    mission = grid(12, kind="rectangle", trigger="distance", baseline_m=2.5)
     assert photo_lines(mission) == [(0, 3), (4, 7), (8, 11)]
     rows = commands_of(written(mission, "waypoints").decode())
     switches = [(row[4], row[6]) for row in rows if row[3] == 206]

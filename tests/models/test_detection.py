@@ -311,8 +311,8 @@ def test_an_exponential_tail_is_followed_beyond_the_highest_peaks(number):
         for _ in range(60)
     ]
     expected = 2.0 + 0.1 * math.log(20_000 / number)
-    # The mean of the n-th peak is higher than this by about 0.1/(2 n). This is 0.002 for a fit to
-    # 30 peaks.
+    # The mean height of the n-th peak is about 0.1/(2 n) above this level, which is 0.002 for 30
+    # peaks.
     assert abs(np.mean(drawn) - expected) < 4.0 * np.std(drawn) / math.sqrt(60) + 0.002
 
 

@@ -152,7 +152,7 @@ def test_the_size_of_a_block_does_not_matter(monkeypatch, terms_at_once):
 # --- Comparison with exact enumeration -----------------------------------------------------
 
 ENUMERATED = [
-    # share and d̂ of every slice, then rows and columns
+    # These are the share and d̂ of every slice, followed by rows and columns.
     ([("1/3", "1/2")], (2, 2)),
     ([("1/3", "2/5")], (2, 3)),
     ([("9/10", "3/4")], (1, 5)),

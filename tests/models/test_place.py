@@ -95,7 +95,7 @@ def test_a_turned_plot_with_turned_positions_looks_the_same():
     straight, turned = (PlaceModel(views, PlotFrame(4.0, -2.0, deg)) for deg in (0.0, turn))
     sites = np.random.default_rng(6).uniform(-4.0, 4.0, (9, 2))
     angle = np.radians(turn)
-    # Increasing rows point 30 degrees east of north.
+    # The number of rows increases in the direction 30 degrees east of north.
     rows, columns = (np.sin(angle), np.cos(angle)), (np.cos(angle), -np.sin(angle))
     away = sites[:, :1] * np.array(columns) + sites[:, 1:] * np.array(rows)
     middle = np.array([4.0, -2.0])

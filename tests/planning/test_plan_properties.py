@@ -136,7 +136,7 @@ def test_scaling_every_length_scales_the_baseline_and_nothing_else(scene, option
     # Scaling by powers of two is exact, so that even the last digit must not change. The size of an
     # occluder in pixels does not depend on the scale.
     factor = 2.0**exponent
-    # number of slices of the layered model
+    # This is the number of slices of the layered model.
     assume(scene["volume_height"] / scene["occluder_size"] < 40)
     one = plan(PlanRequest(**scene, **options, clearance=0))
     other = plan(PlanRequest(**scaled(scene, factor), **options, clearance=0))

@@ -100,7 +100,7 @@ def test_a_change_that_leaves_no_plan_says_why():
     assert (wide.samples, wide.baseline_m) == (None, None)
     assert wide.visibility is not None
     assert "out of reach" in wide.reason
-    _, found = changes(altitude=23)  # the top of the canopy is at 20.04 m
+    _, found = changes(altitude=23)  # The top of the canopy is at 20.04 m.
     assert found["height", 1.2][2:6] == (None, None, None, None)
     assert "which is as high as the cameras" in found["height", 1.2].reason
     assert found["height", 0.8].reason is None

@@ -60,7 +60,8 @@ def test_agreement_is_the_mean_correlation_of_all_halves():
         one, other = views[order[:6]].mean(axis=0), views[order[6:]].mean(axis=0)
         halves.append((one * other).mean() / np.sqrt((one**2).mean() * (other**2).mean()))
     error = np.std(halves) / np.sqrt(len(halves))
-    # The ratio of means and the mean of ratios differ much less than the results of the halves.
+    # The tested formula is a ratio of means, and the comparison is a mean of ratios. They differ
+    # much less than the results of different halves.
     assert agreement(sums).value == pytest.approx(np.mean(halves), abs=4 * error + 2e-3)
 
 
@@ -177,7 +178,7 @@ def test_positions_are_recovered_except_for_undetermined_components(folder):
     noise = fly(folder, yaw_bias=3.0, height_error=2.0, off_m=0.5)
     recording = Recording("photos")
     found = find_focus(recording, np.arange(25), align="positions")
-    # Photos do not contain information about a common shift, rotation or scale of all positions.
+    # Photos cannot determine a common shift, rotation or scale of all positions.
     rest = fitted(noise, np.ones(25, bool), np.array(SITES)).rest_m
     left = fitted(found.correction.shifts_m + noise, np.ones(25, bool), np.array(SITES)).rest_m
     assert np.sqrt((rest**2).mean()) > 0.4

@@ -168,7 +168,7 @@ def test_the_smallest_number_of_views_is_a_number_or_a_share(text, views, expect
 
 
 def test_points_behind_the_camera_are_not_visible(tmp_path):
-    # If the camera is tilted by 75 degrees, part of the image is sky.
+    # The camera is tilted by 75 degrees, so part of the image is sky.
     view = nadir_to(0.0, 75.0), np.array([0.0, 0.0, 10.0])
     _, y, ahead = on_plane(*view)
     assert 0.05 < ahead.mean() < 0.95

@@ -107,7 +107,8 @@ def test_fixed_rtk_heights_replace_barometric_heights(folder):
     first = folder / "photos" / "DJI_0000.jpg"
     content = first.read_bytes()
     at = content.index(b'RelativeAltitude="') + 18
-    first.write_bytes(content[:at] + b"+99" + content[at + 3 :])  # an outlier of the barometer
+    # This height is an outlier of the barometer.
+    first.write_bytes(content[:at] + b"+99" + content[at + 3 :])
     heights = [view.position[2] for view in read(folder / "photos").views]
     before = [view.position[2] for view in found.views]
     assert np.ptp(np.subtract(heights, before)) < 1e-6
@@ -222,7 +223,8 @@ def test_a_plan_supplies_values_that_photos_do_not_have(command, folder):
     assert document["origin"] == list(ORIGIN)
     assert document["altitude_m"] == pytest.approx(30.0)
     first, second = (np.asarray(Image.open(name)).astype(float) for name in ("x.png", "y.png"))
-    assert np.abs(first - second).mean() < 2.0  # the plan's origin is the centre of the photos
+    # The origin of the plan is the centre of the photos.
+    assert np.abs(first - second).mean() < 2.0
 
 
 def test_a_tiff_of_photos_lies_in_its_place(command, folder):
@@ -382,7 +384,7 @@ def test_copies_of_a_photo_are_used_once(command, folder):
     fly(folder / "photos", count=4)
     content = (folder / "photos" / "DJI_0001.jpg").read_bytes()
     (folder / "photos" / "DJI_0001 (1).jpg").write_bytes(content)
-    # another photo from the same place, with a file of the same size
+    # This is another photo from the same place, with a file of the same size.
     (folder / "photos" / "DJI_0009.jpg").write_bytes(content[:-3] + b"\0" + content[-2:])
     assert len(read(folder / "photos").views) == 5
     assert said(folder / "photos")["copies"] == (
@@ -421,7 +423,7 @@ def test_missing_values_of_radiometric_tiffs_do_not_count(folder, nodata):
         path = folder / "photos" / f"DJI_{index:04d}.tif"
         tifffile.imwrite(path, values, extratags=[(42113, "s", 0, nodata, True)])
     recording = Recording(str(folder / "photos"))
-    assert recording.messages == ()  # the TIFFs are the pixels of the photos
+    assert recording.messages == ()  # The TIFFs contain the pixels of the photos.
     found = recording.integrate(ViewSubset(), recording.raster((-8, -8, 8, 8), 0.2))
     assert found.values[found.coverage > 0] == pytest.approx(293.0, abs=1e-3)
     assert 0 < found.coverage.min() + 1 < found.coverage.max()

@@ -161,7 +161,7 @@ def test_thermal_and_visible_photos_of_a_shot_count_once_and_that_is_said(tmp_pa
         for second, letter in enumerate("TVW"):
             name = f"DJI_202501011200{number}{second}_000{number}_{letter}.JPG"
             photo(tmp_path / name, 48.0 + 1e-3 * number, 14.0)
-    # the first photo of another flight
+    # This is the first photo of another flight.
     photo(tmp_path / "DJI_20250101120050_0001_V.JPG", 48.01, 14.0)
     photos = read_photos(str(tmp_path))
     assert [name[-10:-4] for name in photos.places] == ["0001_T", "0002_T", "0003_T", "0001_V"]

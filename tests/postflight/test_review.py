@@ -120,8 +120,8 @@ def test_photos_elsewhere_belong_to_no_site(tmp_path):
     found = reviewed(tmp_path / "f.csv", np.vstack([nearby, sites, far]), request, tolerance_m=0.5)
     assert found.strays == [0, 51]
     assert found.missing == []
-    assert found.counted == 51  # the distant photo does not see the centre
-    seen = np.vstack([nearby, sites])[:, ::-1]  # the heading is north
+    assert found.counted == 51  # The distant photo does not see the centre.
+    seen = np.vstack([nearby, sites])[:, ::-1]  # The heading is north.
     expected = slices_shortfall(seen, found.plan.scene.slices(), 40.0)
     assert found.flown.shortfall == pytest.approx(expected, rel=1e-9)
     assert [code for code, _ in found.warnings] == ["photos_aside"]

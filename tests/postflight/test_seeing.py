@@ -119,8 +119,8 @@ def test_photos_of_different_exposure_are_matched(folder):
     for source, image in zip(recording.sources, images, strict=True):
         changed = adjust(source, Picture(image[..., None], None, is_byte=True)).pixels
         brightness.append(changed.mean() / (image.mean() / gains[len(brightness)]))
-    # After the correction, brightnesses agree, except for differences because the photos show
-    # different ground.
+    # After the correction, the brightnesses agree. Small differences remain, because the photos
+    # show different ground.
     assert np.std(brightness) / np.mean(brightness) < 0.1 < np.std(gains)
 
 

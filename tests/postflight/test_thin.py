@@ -260,7 +260,7 @@ def test_504_views_are_thinned(recording, capsys, samples):
     Draft202012Validator(json_schema("thinning")).validate(found)
     chosen = [view["index"] for view in found["views"]]
     assert chosen == sorted(set(chosen))
-    turned = recording[:, ::-1]  # the heading is north
+    turned = recording[:, ::-1]  # The heading is north.
     layers = find_preset_scene("paper-forest").slices()
     assert found["kept"]["shortfall"] == pytest.approx(
         slices_shortfall(turned[chosen], layers, 35.0), rel=1e-6
@@ -268,7 +268,7 @@ def test_504_views_are_thinned(recording, capsys, samples):
     assert found["all"]["shortfall"] == pytest.approx(
         slices_shortfall(turned, layers, 35.0), rel=1e-6
     )
-    # This number of views is possible without shared occluders, so that the bound is reached.
+    # So many views can be chosen without shared occluders, so the bound is reached.
     assert found["kept"]["shortfall"] == pytest.approx(1.0 / samples, rel=1e-3)
     assert found["bound"]["shortfall"] == 1.0 / samples
     rng = np.random.default_rng(0)
@@ -316,7 +316,7 @@ def test_choices_for_visibility_show_more_of_a_measured_stand(tmp_path):
     request = PlanRequest(altitude=60, scene=str(tmp_path / "stand.npz"))
     apart, most = (thin_views(request, views, 20, best=b) for b in ("normalized", "visibility"))
     model, points = apart.plan.problem.model, np.array(views.positions_m)
-    for found in (apart, most):  # exact values from all voxels
+    for found in (apart, most):  # The values are exact, because they are counted in all voxels.
         assert found.kept == model.predict_positions(points[found.chosen])
     assert most.kept.expected > apart.kept.expected
     assert most.kept.expected > most.every.expected
@@ -358,7 +358,7 @@ def test_thin_reports_the_detection_with_the_chosen_views(tmp_path):
     )
     found = thin_views(request, read_views(str(path), on_earth=False), 12)
     every, kept = found.detection
-    # Twelve views at the rim share fewer occluders than all 36 views do on average. Searches of
+    # On average, twelve views at the rim share fewer occluders than all 36 views. Searches of
     # simulated slices find a share of 0.14 of the targets with all views, and 0.20 with these
     # twelve.
     assert every == pytest.approx(0.14, abs=0.05)

@@ -122,7 +122,9 @@ def _shortfalls(source: random.Random) -> Iterator[tuple[int, int, float, Fracti
 def _disparities(side: int, source: random.Random) -> Iterator[float]:
     yield from (0.0, 5e-324, 1e-300, 1.0, 1.7, 1e300)
     for k in {2, 3, max(side - 1, 1), source.randint(2, 1000)}:
-        at = 1.0 / k  # Beyond this d̂, a pair shares no occluder. The sum has a kink there.
+        # Beyond this d̂, the samples of a pair do not share occluders. The sum has a kink at this
+        # d̂.
+        at = 1.0 / k
         yield from (math.nextafter(at, 0.0), at, math.nextafter(at, 1.0))
     for _ in range(6):
         yield source.uniform(0.0, 1.1)

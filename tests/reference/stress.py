@@ -282,7 +282,7 @@ def plans() -> Iterator[Check]:
     preset = aosplan.plan(aosplan.PlanRequest(altitude=50)).scene
     (slab,) = preset.slabs()
     depth = Fraction(slab.top_m) - Fraction(slab.bottom_m)
-    # height above which 98 % of the occluders are
+    # This is the height above which 98 % of the occluders are.
     height = Fraction(slab.bottom_m) + (1 - Fraction(0.98)) * depth
     p = 1 - Fraction(preset.transparency)
     fixed: list[dict[str, float]] = [{}, {"baseline": 1e-9}, {"baseline": 1e9}, {"baseline": 0.7}]
@@ -296,10 +296,10 @@ def plans() -> Iterator[Check]:
         corner = f"h = {h!r} over {slab.top_m:g} m, N = {pattern.samples}, b = {b!r}"
         if not more:
             yield Check("uniform plan", "b", corner, b, unit)
-        if b < unit and more:  # below the rule's baseline a plan uses slices
+        if b < unit and more:  # Below the baseline of the rule, a plan uses slices.
             focal = made.camera.focal_length_px
             k = _shortfall_of_slices(preset, Fraction(h), Fraction(focal), pattern, b)
-        else:  # at the rule's baseline d̂ is 1
+        else:  # At the baseline of the rule, d̂ is 1.
             k = exact.lattice_pair_sum(pattern.sites(), Fraction(b) / unit if more else Fraction(1))
         yield from _prediction("uniform plan", corner, made.solution.prediction, p, k)
 

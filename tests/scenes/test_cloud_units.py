@@ -244,7 +244,7 @@ def test_axes_that_run_west_or_count_depths_are_refused(tmp_path, crs):
 def test_tiles_of_different_systems_are_refused(tmp_path):
     one = write_cloud(tmp_path / "a.laz", *stand(), crs="EPSG:32633")
     other = write_cloud(tmp_path / "b.laz", *stand(), crs="EPSG:32632")
-    # Both are the same within a millimetre.
+    # Both units give the same coordinates within a millimetre.
     alike = write_cloud(tmp_path / "c.laz", *stand(), crs="EPSG:25833")
     silent = write_cloud(tmp_path / "d.laz", *stand(), crs=None)
     higher = write_cloud(tmp_path / "e.laz", *stand(), crs="EPSG:32633+5703")
@@ -367,6 +367,7 @@ def test_points_far_beside_a_cloud_are_named(tmp_path, axis, away_m):
     xyz[axis, :2] = xyz[axis].min() + away_m, xyz[axis].min() + 0.9 * away_m
     volume = read_voxels(write_cloud(tmp_path / "a.laz", xyz, kind))
     (message,) = [text for code, text in volume.warnings if code == "points_far_beside"]
-    assert int(message.split()[0]) in (2, 3)  # a single point is in the last column of the stand
+    # The last column of the stand contains a single point.
+    assert int(message.split()[0]) in (2, 3)
     x, y = re.search(r"near x (\S+), y (\S+),", message).groups()
     assert (float(x), float(y)) == pytest.approx(xyz[:2, 0], abs=0.3)

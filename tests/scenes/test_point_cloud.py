@@ -299,7 +299,8 @@ def test_other_plots_that_are_no_rectangle_are_said(tmp_path, shape):
     }[shape]
     volume = read_voxels(write_cloud(tmp_path / "a.laz", xyz[:, inside], kind[inside]))
     assert codes(volume) == ["partial_plot"]
-    # The result is the remaining share, plus half a square of 0.6 m along its rim.
+    # The covered share is the share that remains after clipping, plus half a square of 0.6 m along
+    # the rim.
     said = float(re.search(r"cover (\d+)%", volume.warnings[0][1])[1]) / 100
     assert said == pytest.approx({"rotated": 0.5, "corner": 0.85}[shape], abs=0.05)
 

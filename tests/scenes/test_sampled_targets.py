@@ -94,7 +94,7 @@ def test_the_means_are_those_of_all_targets():
     positions = np.random.default_rng(1).uniform(-20.0, 20.0, (20, 2))
     want = joint_counts(everything.masks(positions)) / everything.targets
     got = joint_counts(sampled.masks(positions)) / sampled.targets
-    # This is the standard error of a share for the same number of random targets.
+    # This would be the standard error of a share if the targets were random.
     error = np.sqrt(want * (1.0 - want) / sampled.targets)
     assert np.sqrt((((got - want) / error) ** 2).mean()) < 1.0
     assert np.abs(got - want).max() < 4.0 * error.max()

@@ -381,8 +381,8 @@ def codes(result):
 
 @pytest.mark.parametrize("kind", ["npz", "toml"])
 def test_a_plot_too_small_for_the_aperture_gives_a_warning(saved, kind):
-    # The limit is half of the plot's 12.25 m at the top of the canopy, which is an aperture of 6.1
-    # m h / 9 m.
+    # The rays of an aperture may be up to half of the plot's 12.25 m apart at the top of the
+    # canopy. The aperture is therefore at most 6.1 m h / 9 m.
     top = resolved(saved["npz"]).scene.canopy_top_m
     widest = 0.5 * 12.25 * 40.0 / top
     within = planned(saved[kind], samples=9, baseline=0.49 * widest)

@@ -171,7 +171,8 @@ def test_the_coverage_rule_on_the_real_stand(cut, baseline):
     given = {"model": "uniform", "min_height": cut, "opacity": "voxels"}
     by_rule = planned(cloud, **given, allow_no_common_ground=True)
     assert by_rule.solution.baseline_m == pytest.approx(baseline, abs=0.01)
-    # The rule is also used within the footprint, and the grid is not wider than the footprint.
+    # With the limit of the footprint, the rule is still used, and the grid is not wider than the
+    # footprint.
     bounded = planned(cloud, **given)
     assert bounded.coverage.baseline_m == by_rule.solution.baseline_m
     assert bounded.solution.baseline_m <= by_rule.solution.baseline_m

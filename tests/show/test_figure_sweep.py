@@ -268,7 +268,7 @@ def test_many_numbers_are_shades():
     assert sum(each is not None for each in same) > 250
     for shade, own in zip(found.shades, same, strict=True):
         if own is not None and shade != pytest.approx(own, rel=1e-9):
-            assert shade == pytest.approx(own, abs=0.01)  # the mean of a cell
+            assert shade == pytest.approx(own, abs=0.01)  # The shade is the mean of a cell.
     figure = drawn(KINDS["sweep"], found, FigureStyle())
     (points,) = figure.axes[0].collections
     assert points.get_offsets().tolist() == [list(point) for point in found.points]

@@ -123,7 +123,8 @@ def test_the_footprint_of_a_grid_turns_with_the_heading():
         math.atan2(found.east_m[1] - found.east_m[0], found.north_m[1] - found.north_m[0])
     )
     assert way == pytest.approx(30.0)
-    assert found.takeoff == pytest.approx((0.0, 11.12), abs=0.01)  # 1e-4 degrees of latitude
+    # This is 1e-4 degrees of latitude.
+    assert found.takeoff == pytest.approx((0.0, 11.12), abs=0.01)
 
 
 def test_what_all_photos_show_is_in_the_footprint_of_each():

@@ -58,7 +58,7 @@ def test_drawings_fit_their_size_and_show_both_ends(pattern, width, plain):
 @pytest.mark.parametrize(
     ("pattern", "under_marks"),
     [
-        # A baseline is two dots wide, so that each letter hides one site.
+        # A baseline is two dots wide, so each letter hides one site.
         (pattern_for("lanes", 201), 2),
         (pattern_for("rectangle", 40 * 40), 4),  # It also hides two sites of neighbouring rows.
     ],

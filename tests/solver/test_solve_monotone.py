@@ -85,7 +85,7 @@ def test_the_fewest_samples_are_those_that_enumeration_finds(grid, quantity):
             solved += 1
             assert found.met
             assert reaches(problem, found.pattern, found.baseline_m)
-            # the baseline of the paper's rule, or the widest one that is allowed
+            # This is the baseline of the paper's rule, or the widest baseline that is allowed.
             if isinstance(problem.model, UniformModel):
                 assert found.baseline_m == widest(problem, found.pattern)
             else:

@@ -100,7 +100,7 @@ def assert_resumed(campaign, out, local, *arguments):
     }
     assert sweep(campaign, "--out", f"{out}/", "--resume", *arguments) == 0
     assert contents(out) == local
-    for path, time_ns in kept.items():  # finished parts are not written again
+    for path, time_ns in kept.items():  # Finished parts are not written again.
         assert (out / path.name).stat().st_mtime_ns == time_ns
 
 

@@ -60,7 +60,7 @@ def test_rows_are_crossed_in_the_order_written_with_the_last_fastest(campaign, t
         [0.001 * 20 ** (step / 3) for step in range(4)]
     )
     assert set(frame["status"]) == {"ok", "infeasible", "invalid"}
-    for row in frame[::5].iter_rows(named=True):  # every value of every input
+    for row in frame[::5].iter_rows(named=True):  # These rows contain every value of every input.
         inputs = {name: row[name] for name in frame.columns[:6]}
         if row["status"] != "ok":
             with pytest.raises(AosplanError) as caught:

@@ -267,7 +267,7 @@ def test_a_row_is_simulated_again_from_its_document(campaign, tmp_path, capsys):
     assert {name: printed[name] for name in ("predicted", "simulated", "tolerance", "forest")} == {
         name: row[name] for name in ("predicted", "simulated", "tolerance", "forest")
     }
-    # With an output file the same rows are drawn.
+    # If there is an output file, the same rows are drawn.
     assert sweep(*line, "--json", "--out", tmp_path / "r.csv", "--where", "altitude > 0") == 0
     assert json.loads(capsys.readouterr().out)["verification"] == found
 
@@ -282,7 +282,7 @@ def test_the_table_says_how_to_see_the_worst_again(campaign, capsys):
     assert max(map(len, out.splitlines())) <= 80
     for words in ("2 rows simulated, seed 1", "Predicted and simulated agree.", "Šidák"):
         assert words in out
-    # The remaining output is one shell command in several lines.
+    # The rest of the output is one shell command in several lines.
     command = out.partition("Again:\n")[2].rstrip("\n")
     assert "\\\n" in command
     program, *again = shlex.split(command.replace("\\\n", ""))

@@ -163,8 +163,8 @@ def _unit_baseline_m(
 
 
 def baseline_curve(slabs: Sequence[Slab]) -> list[tuple[float, float]]:
-    """Curve of the share of the occluders with d̂ >= 1 against the baseline divided by the
-    altitude.
+    """Curve of a share against a ratio: the share of the occluders with d̂ >= 1, against the
+    baseline divided by the altitude.
 
     The curve has one knot for each bottom and top of a slab, in order of increasing baseline.  A
     bottom on the focal plane has no knot, because occluders there have no disparity.  If there are

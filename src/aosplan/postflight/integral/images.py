@@ -353,12 +353,8 @@ def png_bytes(
     scale = 255.0 / (high - low) if high > low else 255.0
     rows, columns, count = values.shape
     bands = np.zeros((rows, columns, count + 1), dtype=np.uint8)
-    for top in range(
-        0,
-        rows,
-        ROWS_AT_ONCE,
-        # Rows are converted in parts, so that the values of a large image are not copied as a whole.
-    ):
+    # Rows are converted in parts. The values of a large image are therefore not copied as a whole.
+    for top in range(0, rows, ROWS_AT_ONCE):
         part = slice(top, top + ROWS_AT_ONCE)
         with np.errstate(invalid="ignore"):
             scaled = np.clip(np.rint((values[part] - low) * scale), 0.0, 255.0)
