@@ -11,7 +11,12 @@ from aosplan.errors import RequestError
 from aosplan.models.ground_visibility import ground_visibility
 from aosplan.planning.confidence import confidence_of
 from aosplan.planning.loaded_scene import load_scene
-from aosplan.planning.plan_warnings import scene_elsewhere, with_warnings
+from aosplan.planning.plan_warnings import (
+    guided_warnings,
+    measured_warnings,
+    scene_elsewhere,
+    with_warnings,
+)
 from aosplan.planning.resolve import resolve_inputs
 from aosplan.planning.result import Plan
 from aosplan.planning.sites import layout_of, route_of, ways_in_zones
@@ -84,8 +89,6 @@ def plan(
     route = route_of(solved.inputs, layout, solved.solution.baseline_m)
     notices: list[Message] = [*inputs.loaded.warnings]
     if inputs.model == "measured" and solved.guided is None:
-        from aosplan.planning.measured_warnings import measured_warnings
-
         notices += measured_warnings(solved, compares_headings=inputs.compares_headings)
     notices += [*scene_elsewhere(inputs.loaded, layout.origin), *layout.notices]
     notices += ways_in_zones(solved.inputs, route)
@@ -97,8 +100,6 @@ def plan(
         detection = detection_of(solved.inputs, pattern, baseline_m)
         notices += detection_warnings(detection, solved.inputs, pattern.samples)
     if solved.guided is not None:
-        from aosplan.planning.guided_warnings import guided_warnings
-
         notices += guided_warnings(solved.guided, solved.solution.prediction)
     elif inputs.area is not None and inputs.objective != "detection":
         from aosplan.planning.cheaper_flight import long_flight

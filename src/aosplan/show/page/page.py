@@ -92,7 +92,7 @@ def report_page(
     from aosplan.show.page.simulated_photos import simulated_photos
     from aosplan.show.page.static_map import MOST_SITES, static_map_of
     from aosplan.show.page.within_curve import within_curve
-    from aosplan.show.text.guided_rows import guided_texts
+    from aosplan.show.text.plan_rows import guided_texts
 
     document = plan.document()
     rows = len(document.pop("waypoints"))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from aosplan.show.figures.grid import nice_length_m
-from aosplan.show.text.detection_rows import search_map_texts
+from aosplan.show.text.plan_rows import search_map_texts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

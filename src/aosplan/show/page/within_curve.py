@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.show.page.charts import BOTTOM, LEFT, RIGHT, TICKS_Y, TOP, Tick, scale, ticks
-from aosplan.show.text.within_rows import row_text
+from aosplan.show.text.plan_rows import row_text
 
 if TYPE_CHECKING:
     from aosplan.planning.result import Plan

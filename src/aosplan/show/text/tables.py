@@ -14,12 +14,17 @@ from rich.table import Table
 from rich.text import Text
 
 from aosplan.grid.spiral import Spiral
-from aosplan.show.text.detection_rows import detection_rows, map_rows
-from aosplan.show.text.flight_rows import flight_rows
 from aosplan.show.text.grid_drawing import flight_picture, grid_picture
-from aosplan.show.text.guided_rows import guided_rows, position_rows
 from aosplan.show.text.imperial import imperial, is_imperial
-from aosplan.show.text.opacity_rows import opacity_rows
+from aosplan.show.text.plan_rows import (
+    detection_rows,
+    flight_rows,
+    guided_rows,
+    map_rows,
+    opacity_rows,
+    position_rows,
+    within_rows,
+)
 from aosplan.show.text.terminal import (
     is_coloured,
     is_styled,
@@ -28,7 +33,6 @@ from aosplan.show.text.terminal import (
     speaks_unicode,
     written_text,
 )
-from aosplan.show.text.within_rows import within_rows
 from aosplan.solver.solution import BEST
 from aosplan.units import percent
 

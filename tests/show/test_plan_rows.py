@@ -6,7 +6,7 @@ import pytest
 
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
-from aosplan.show.text.flight_rows import flight_rows
+from aosplan.show.text.plan_rows import flight_rows
 
 HERE = {"altitude": 40.0, "origin": (48.3358, 14.3261), "drone": "dji-m3t"}
 
