@@ -6,8 +6,8 @@ from aosplan import PlanRequest, RequestError, plan
 from aosplan.models.detection import DetectionModel
 from aosplan.models.signatures import PERSON_M, Signature
 from aosplan.models.target_window import Target
-from aosplan.planning.plan_detection import detection_text
 from aosplan.planning.request import request_from
+from aosplan.show.text.plan_rows import detection_text
 
 OWN = {"contrast": 1.0, "canopy_offset": 0.0, "crown_share": 0.0}
 

@@ -30,7 +30,7 @@ class Plan(Summarized, result.Plan):
 
     `waypoints` are the sites in flight order.  `solution` has the baseline and the prediction.
     `document()` returns everything that ``aosplan plan --json`` prints.  The other attributes are
-    those of `aosplan.planning.plan_data.PlanData`.
+    those of `aosplan.planning.result.Plan`.
     """
 
     def summary(self) -> tuple[str, dict[str, str]]:

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
 from aosplan.planning.loaded_scene import LoadedScene
-from aosplan.planning.plan_data import PlanData
 from aosplan.planning.request import PlanRequest, request_from
+from aosplan.planning.result import Plan
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from aosplan.api.scenes import Stand
 
-    Asked = PlanRequest | PlanData | str | os.PathLike[str]
+    Asked = PlanRequest | Plan | str | os.PathLike[str]
     """Arguments that describe a request: a request, an earlier plan, a request file or a saved
     plan.
     """
@@ -65,7 +65,7 @@ def found_request(
         given |= {"scene": None, **read_by.options}
     else:
         stand = None
-    if isinstance(asked, PlanData):
+    if isinstance(asked, Plan):
         folder = asked.inputs.folder if folder is None else folder
         asked = asked.request
     if isinstance(asked, PlanRequest):

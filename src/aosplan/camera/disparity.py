@@ -242,3 +242,22 @@ class Slab(NamedTuple):
     top_m: float
     occluder_size_m: float
     weight: float
+
+
+def disparity_document(
+    coverage: CoverageBaseline | None,
+    baseline_m: float,
+    altitude_m: float,
+    focal_length_px: float,
+) -> dict[str, float | None]:
+    """Disparity and size of the occluder that determines the coverage rule.  The size is at least
+    one pixel.
+    """
+    if coverage is None:
+        return {"normalized": None, "pixels": None, "occluder_pixels": None}
+    height_m, camera = coverage.height_m, (altitude_m, focal_length_px)
+    return {
+        "normalized": baseline_m / coverage.baseline_m,
+        "pixels": disparity_px(baseline_m, height_m, *camera),
+        "occluder_pixels": occluder_px(coverage.occluder_size_m, height_m, *camera),
+    }

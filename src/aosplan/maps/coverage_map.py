@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.maps.ground_cells import GroundCells
-    from aosplan.planning.plan_data import PlanData
+    from aosplan.planning.result import Plan
 
     Floats = NDArray[np.float64]
     Whole = NDArray[np.int64]
@@ -157,7 +157,7 @@ class Coverage:
         The plan.
     """
 
-    def __init__(self, plan: PlanData) -> None:
+    def __init__(self, plan: Plan) -> None:
         assert plan.origin is not None  # Reviews of plans without a location do not have a map.
         self._plan, self._origin = plan, plan.origin
         self.cells, _ = ground_of(plan)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from aosplan.planning.plan_data import PlanData
+    from aosplan.planning.result import Plan
 
     Floats = NDArray[np.float64]
 
@@ -129,7 +129,7 @@ class DetectionMap(NamedTuple):
             )
 
 
-def photos_of(plan: PlanData) -> Floats:
+def photos_of(plan: Plan) -> Floats:
     """Positions of all photos of a plan, metres east and north, shape (N, 2)."""
     sites = plan.layout.sites
     points = np.column_stack([sites.east_m, sites.north_m])
@@ -137,7 +137,7 @@ def photos_of(plan: PlanData) -> Floats:
     return photos
 
 
-def ground_of(plan: PlanData) -> tuple[GroundCells, str]:
+def ground_of(plan: Plan) -> tuple[GroundCells, str]:
     """The ground of a plan as cells: its area, or the ground that its photos show."""
     footprint = plan.inputs.footprint_m
     if plan.layout.area is not None:
@@ -147,7 +147,7 @@ def ground_of(plan: PlanData) -> tuple[GroundCells, str]:
     return cells_over(whole, side_m(float(whole.area), min(footprint))), ground
 
 
-def canopy_over(plan: PlanData, cells: GroundCells) -> LocalCanopy | None:
+def canopy_over(plan: Plan, cells: GroundCells) -> LocalCanopy | None:
     """The canopy above cells, if the plan's scene has a location."""
     volume = plan.volume
     if volume is None or volume.place is None or plan.origin is None:
@@ -171,7 +171,7 @@ def relative_depth(canopy: LocalCanopy | None) -> Floats | None:
     return np.nan_to_num(canopy.depth / canopy.mean_depth, nan=1.0)
 
 
-def detection_map(plan: PlanData) -> DetectionMap:
+def detection_map(plan: Plan) -> DetectionMap:
     """Compute the probability of detection over the ground of a plan.
 
     Parameters
@@ -204,7 +204,7 @@ def detection_map(plan: PlanData) -> DetectionMap:
 
 
 def _sweep_width_m(
-    plan: PlanData, cells: GroundCells, points_m: Floats, probability: Floats
+    plan: Plan, cells: GroundCells, points_m: Floats, probability: Floats
 ) -> float | None:
     """Integrate the probability of detection over the distance from the line of photos.
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.maps.photo_sets import PhotoSets
-    from aosplan.planning.plan_data import PlanData
+    from aosplan.planning.result import Plan
     from aosplan.scenes.scene import Layer
 
     Floats = NDArray[np.float64]
@@ -69,7 +69,7 @@ class PlaceDetection:
         A plan with a predicted detection.
     """
 
-    def __init__(self, plan: PlanData) -> None:
+    def __init__(self, plan: Plan) -> None:
         assert plan.detection is not None
         self._plan = plan
         self._layers = slices_of(plan.inputs)

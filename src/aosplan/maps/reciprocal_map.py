@@ -23,7 +23,7 @@ from aosplan.scenes.plot_frame import plot_frame
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from aosplan.planning.plan_data import PlanData
+    from aosplan.planning.result import Plan
 
     Floats = NDArray[np.float64]
 
@@ -101,7 +101,7 @@ class ReciprocalMap(NamedTuple):
         )
 
 
-def reciprocal_map(plan: PlanData) -> ReciprocalMap:
+def reciprocal_map(plan: Plan) -> ReciprocalMap:
     """Compute how much of the target area of a plan each camera position sees.
 
     The target area is the area of the plan, or the disc around its origin.

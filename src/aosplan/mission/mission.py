@@ -103,6 +103,14 @@ class Waypoints(Sequence[Waypoint]):
             ],
         }
 
+    def document(self) -> list[dict[str, Any]]:
+        """One row for each waypoint, in flight order."""
+        names, columns = zip(*self.columns().items(), strict=True)
+        return [
+            {"index": index} | dict(zip(names, row, strict=True))
+            for index, row in enumerate(zip(*columns, strict=True))
+        ]
+
     def __len__(self) -> int:
         return len(self.east_m)
 

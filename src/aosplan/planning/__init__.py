@@ -23,11 +23,11 @@
 - `aosplan.planning.within`: the search for the best flight within a time, with
   `aosplan.planning.within_shapes`, `aosplan.planning.shape_space`, `aosplan.planning.least_time` and
   `aosplan.planning.within_result`; `aosplan.planning.cheaper_flight`: a hint for long flights.
-- `aosplan.planning.plan_data`: the values of a plan; `aosplan.planning.result`: `Plan`, with its
-  JSON document; `aosplan.planning.plan_schema`: the schema of this document.
+- `aosplan.planning.result`: `Plan`, with its values and its JSON document;
+  `aosplan.planning.plan_schema`: the schema of this document.
 - `aosplan.planning.within_altitude`: the best flight at one altitude.
 - `aosplan.planning.guided`: sites that are chosen for one place with a point cloud of this place,
   with `aosplan.planning.guided_candidates`, `aosplan.planning.guided_relations`,
-  `aosplan.planning.guided_result`, `aosplan.planning.guided_warnings`,
-  `aosplan.planning.plain_flights` and `aosplan.planning.target_area`.
+  `aosplan.planning.guided_result`, `aosplan.planning.plain_flights` and
+  `aosplan.planning.target_area`.
 """

@@ -16,7 +16,6 @@ from aosplan.messages import Message
 from aosplan.models.counted_detection import count_detection
 from aosplan.models.detection import DetectionModel
 from aosplan.models.target_window import Target
-from aosplan.planning.option_parsers import PERSON
 from aosplan.scenes.scene import Layer
 
 if TYPE_CHECKING:
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from aosplan.grid.patterns import AnyPattern
     from aosplan.models.detection import Detection
     from aosplan.models.signatures import Signature
-    from aosplan.planning.plan_data import PlanData
     from aosplan.planning.resolve import FindInputs, PlanInputs
 
     Floats = NDArray[np.float64]
@@ -203,27 +201,3 @@ def detection_warnings(detection: Detection, inputs: PlanInputs, samples: int) -
             "the probability of detection is counted on the whole plot, which is repeated "
             "beyond its edges, even with --edges interior",
         )
-
-
-def detection_text(plan: PlanData) -> str:
-    """The detection of a plan's target as one sentence."""
-    detection, name = plan.detection, find_of(plan.inputs).name
-    assert detection is not None  # The plan has a target to find.
-    width, length = detection.target
-    who = "people" if name == PERSON else f"targets of {width:g} x {length:g} m"
-    alarms = detection.false_alarms
-    rate = "one false alarm" if alarms == 1.0 else f"{alarms:g} false alarms"
-    return (
-        f"of 100 {who} lying there, {_count(detection.probability, 'about ')} would be found "
-        f"at {rate} per hectare; {_count(detection.unseen)} of them are nearly unseen"
-    )
-
-
-def _count(share: float, about: str = "") -> str:
-    """A share as a number out of a hundred. Shares above 0 are not rounded to 0, and shares below 1
-    are not rounded to 100.
-    """
-    hundred = 100.0 * share
-    if 0.0 < hundred < 0.5:
-        return "fewer than 1" if hundred >= 0.05 else "0"
-    return "more than 99" if 99.5 <= hundred < 99.95 else f"{about}{hundred:.0f}"

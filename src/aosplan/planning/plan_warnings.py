@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from aosplan.models.model import Prediction
     from aosplan.planning.guided_result import GuidedResult
     from aosplan.planning.loaded_scene import LoadedScene
-    from aosplan.planning.plan_data import PlanData
+    from aosplan.planning.result import Plan
     from aosplan.planning.route import FlightInputs
     from aosplan.planning.solved_plan import SolvedPlan
     from aosplan.solver.problem import Problem
 
-    AnyPlan = TypeVar("AnyPlan", bound=PlanData)
+    AnyPlan = TypeVar("AnyPlan", bound=Plan)
 
 
 OBLIQUE_DENSITY = 0.02
@@ -47,7 +47,7 @@ def with_warnings(plan: AnyPlan) -> AnyPlan:
     return replace(plan, warnings=(*plan.notices, *plan_warnings(plan)))
 
 
-def plan_warnings(plan: PlanData) -> Iterator[Message]:
+def plan_warnings(plan: Plan) -> Iterator[Message]:
     """Warnings of a plan, each with its remedy."""
     if plan.coverage is None:
         yield Message(
@@ -131,7 +131,7 @@ def _unconfirmed(flight: FlightInputs, camera: Camera) -> Iterator[Message]:
             )
 
 
-def _missed(plan: PlanData) -> Message:
+def _missed(plan: Plan) -> Message:
     requirement = plan.requirement
     prediction = plan.solution.prediction
     reached = requirement.value_of(prediction)
@@ -148,7 +148,7 @@ def _missed(plan: PlanData) -> Message:
     )
 
 
-def _no_common_ground(plan: PlanData) -> Message:
+def _no_common_ground(plan: Plan) -> Message:
     footprint, extent = plan.camera.footprint_m(plan.altitude_m), plan.extent_m
     sides = plan.solution.pattern.extent
     largest = min(size / side for size, side in zip(footprint, sides, strict=True) if side > 0.0)
@@ -164,7 +164,7 @@ def _no_common_ground(plan: PlanData) -> Message:
     )
 
 
-def _pixels(plan: PlanData) -> Iterator[Message]:
+def _pixels(plan: Plan) -> Iterator[Message]:
     coverage = plan.coverage
     assert coverage is not None  # The caller has checked that there are occluders.
     focal = plan.camera.focal_length_px
@@ -191,7 +191,7 @@ def _pixels(plan: PlanData) -> Iterator[Message]:
         )
 
 
-def _oblique_rays(plan: PlanData) -> Iterator[Message]:
+def _oblique_rays(plan: Plan) -> Iterator[Message]:
     """Warn if slanted rays cross much more foliage than the nadir rays of the model."""
     if plan.inputs.rays != "nadir" or plan.coverage is None:
         return
@@ -210,7 +210,7 @@ def _oblique_rays(plan: PlanData) -> Iterator[Message]:
         )
 
 
-def _thick_layers(plan: PlanData) -> Iterator[Message]:
+def _thick_layers(plan: Plan) -> Iterator[Message]:
     if plan.model != "layered":
         return
     thick = [s for s in plan.scene.slices() if s.top_m - s.bottom_m > 2.0 * s.occluder_size_m + 0.5]
@@ -225,7 +225,7 @@ def _thick_layers(plan: PlanData) -> Iterator[Message]:
         )
 
 
-def _flying(plan: PlanData) -> Iterator[Message]:
+def _flying(plan: Plan) -> Iterator[Message]:
     """Warnings about the flight: photo interval, battery, legal height, and paths to the sites and
     back.
     """

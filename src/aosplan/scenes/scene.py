@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from aosplan.camera.disparity import Slab
 from aosplan.errors import RequestError
@@ -294,6 +294,19 @@ class LayeredScene:
 
 
 Scene = UniformScene | LayeredScene
+
+
+def scene_document(scene: Scene) -> dict[str, Any]:
+    """Name, kind, source and main numbers of a scene."""
+    return {
+        "name": scene.name,
+        "kind": scene.kind,
+        "title": scene.title,
+        "source": scene.source,
+        "assumed": scene.assumed,
+        "integrated_density": scene.integrated_density,
+        "canopy_top_m": scene.canopy_top_m,
+    }
 
 
 def _cut(layer: Layer, height_m: float) -> Layer:

@@ -40,7 +40,7 @@ def detection_curve(plan: Plan) -> DetectionCurve | None:
     found = plan.detection
     if found is None:
         return None
-    from aosplan.planning.plan_detection import detection_text
+    from aosplan.show.text.plan_rows import detection_text
 
     # The axis has absolute values, because negative contrasts are equivalent to positive contrasts.
     curve = sorted((abs(contrast), share) for contrast, share in found.curve)

@@ -1,5 +1,5 @@
-"""Rows of the tables of plans and scenes: flight, detection, search within a time, guided positions and
-opacity.
+"""Rows of the tables of plans and scenes: flight, detection, search within a time, guided positions
+and opacity.
 
 Each row is a heading and a text.  The page of a plan shows some of the same texts.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from aosplan.planning.option_parsers import PERSON
 from aosplan.units import duration, percent
 
 if TYPE_CHECKING:
@@ -81,8 +82,6 @@ CURVE_SHOWN = (1.0, 2.0, 3.0, 5.0, 8.0)
 
 def detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     """Rows with the probability of detection: as a sentence, and for several contrasts."""
-    from aosplan.planning.plan_detection import detection_text
-
     found = plan.detection
     assert found is not None
     yield "Detection", detection_text(plan)
@@ -100,6 +99,31 @@ def detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     yield "", f"{assumed}contrast {contrast:g}, canopy offset {offset:+g}, crown share {crowns:.0%}"
     curve = [f"{at:g}: {share:.0%}" for at, share in found.curve if abs(at) in CURVE_SHOWN]
     yield "", "found at contrast " + ", ".join(curve)
+
+
+def detection_text(plan: Plan) -> str:
+    """The detection of a plan's target as one sentence."""
+    detection, find = plan.detection, plan.inputs.find
+    assert detection is not None  # The plan has a target to find.
+    assert find is not None
+    width, length = detection.target
+    who = "people" if find.name == PERSON else f"targets of {width:g} x {length:g} m"
+    alarms = detection.false_alarms
+    rate = "one false alarm" if alarms == 1.0 else f"{alarms:g} false alarms"
+    return (
+        f"of 100 {who} lying there, {_of_a_hundred(detection.probability, 'about ')} would be found "
+        f"at {rate} per hectare; {_of_a_hundred(detection.unseen)} of them are nearly unseen"
+    )
+
+
+def _of_a_hundred(share: float, about: str = "") -> str:
+    """A share as a number out of a hundred. Shares above 0 are not rounded to 0, and shares below 1
+    are not rounded to 100.
+    """
+    hundred = 100.0 * share
+    if 0.0 < hundred < 0.5:
+        return "fewer than 1" if hundred >= 0.05 else "0"
+    return "more than 99" if 99.5 <= hundred < 99.95 else f"{about}{hundred:.0f}"
 
 
 def map_rows(
@@ -138,7 +162,7 @@ def search_map_texts(found: DetectionMap, success: SearchSuccess | None) -> list
     return lines
 
 
-OBJECTIVES = {
+OBJECTIVE_TEXTS = {
     "detection": "{:.1%} found",
     "visibility": "V = {:.1%}",
     "contrast": "contrast {:.3g}",
@@ -165,7 +189,7 @@ def row_text(row: WithinRow, objective: str) -> tuple[str, str]:
         return start + "no plan is possible", ""
     shape, way, _ = row.timed.candidate
     along_m, across_m = shape.along * way.altitude_m, shape.across * way.altitude_m
-    value = OBJECTIVES[objective].format(abs(row.value))
+    value = OBJECTIVE_TEXTS[objective].format(abs(row.value))
     how = "while flying" if way.inputs.flight.trigger == "distance" else "at stops"
     flights = "" if row.timed.flights == 1 else f" in {row.timed.flights} flights"
     minutes = math.ceil(row.timed.time_s / 6.0) / 10.0

@@ -14,17 +14,9 @@ from rich.table import Table
 from rich.text import Text
 
 from aosplan.grid.spiral import Spiral
+from aosplan.show.text import plan_rows
 from aosplan.show.text.grid_drawing import flight_picture, grid_picture
 from aosplan.show.text.imperial import imperial, is_imperial
-from aosplan.show.text.plan_rows import (
-    detection_rows,
-    flight_rows,
-    guided_rows,
-    map_rows,
-    opacity_rows,
-    position_rows,
-    within_rows,
-)
 from aosplan.show.text.terminal import (
     is_coloured,
     is_styled,
@@ -107,7 +99,13 @@ def print_plan(
     positions: ReciprocalMap | None = None,
 ) -> None:
     """Print the summary of a plan, its maps if there are any, its grid, and the next steps."""
-    table = _pairs([*_plan_rows(plan), *map_rows(found, success), *position_rows(positions)])
+    table = _pairs(
+        [
+            *_plan_rows(plan),
+            *plan_rows.map_rows(found, success),
+            *plan_rows.position_rows(positions),
+        ]
+    )
     picture = _picture(plan)
     drawing = [Text(""), *(Text("  " + line) for line in picture)] if picture else []
     show(table, *drawing, Text(""), one_line(_next_step(plan, written)))
@@ -182,9 +180,9 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     else:
         yield "Visibility", "V = 100 %, because nothing is hidden"
     if plan.detection is not None:
-        yield from detection_rows(plan)
-    yield from (() if plan.within is None else within_rows(plan.within))
-    yield from (() if plan.guided is None else guided_rows(plan.guided))
+        yield from plan_rows.detection_rows(plan)
+    yield from (() if plan.within is None else plan_rows.within_rows(plan.within))
+    yield from (() if plan.guided is None else plan_rows.guided_rows(plan.guided))
     yield "", ""
     yield from _camera_rows(plan)
     for limit in plan.limits:
@@ -234,8 +232,6 @@ def _error(standard_error: float | None) -> str:
 
 
 def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
-    from aosplan.planning.result import disparity_document
-
     camera, altitude = plan.camera, plan.altitude_m
     footprint, common = camera.footprint_m(altitude), plan.common_footprint_m
     yield "Resolution", f"{100.0 * camera.gsd_m(altitude):.3g} cm per pixel"
@@ -244,7 +240,7 @@ def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         yield "", f"{common[0]:.1f} x {common[1]:.1f} m of it is in all photos"
     else:
         yield "", "no ground is in all photos"
-    disparity = disparity_document(plan)
+    disparity = plan.disparity
     if disparity["pixels"] is not None and plan.guided is None:
         yield (
             "Disparity",
@@ -253,7 +249,7 @@ def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         )
     if plan.layout.survey is not None:
         yield from _area_rows(plan.layout.survey)
-    yield from flight_rows(plan)
+    yield from plan_rows.flight_rows(plan)
     if plan.layout.continuous is not None:
         for integral in plan.layout.continuous.by_samples:
             yield (
@@ -454,7 +450,7 @@ def print_scene(document: dict[str, Any]) -> None:
             )
         )
     if "opacity" in document:
-        rows += opacity_rows(document["opacity"])
+        rows += plan_rows.opacity_rows(document["opacity"])
     if "plot_m" in document:
         width, depth = document["plot_m"]
         rows.append(("Plot", f"{width:.4g} x {depth:.4g} m"))
