@@ -1,9 +1,10 @@
 """The simulator compared with Embree, and its scaling:  python benchmarks/simulation.py [CLOUD.laz]
 
-1.  For the voxels of one stand, with 49 views from 50 m that are 1 to 3.5 m apart, in one thread:
-   rays per second; the error of V relative to Embree with 7 x 7 targets per voxel (root mean square
-   over three baselines and two headings); and the time of Embree for the same error, divided by
-   that of the simulator.  Without Embree
+1.  The simulator and Embree are compared for the voxels of one stand, with 49 views from 50 m that
+    are 1 to 3.5 m apart, in one thread. The results are the rays per second; the error of V
+    relative to Embree with 7 x 7 targets per voxel (root mean square over three baselines and two
+    headings); and the time of Embree for the same error, divided by the time of the simulator.
+    Without Embree
    (``pip install embreex``), this part is left out.
 2.  Time and memory for increasing numbers of targets, views and slices, up to 10⁴ x 10⁴ targets.
    Each simulation runs in a separate process.

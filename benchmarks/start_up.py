@@ -74,7 +74,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         save_stand(folder)
         loads = []
-        for _ in range(repeats):  # in turn, so that changes of the load affect all alike
+        # The commands are measured in turn, because changes of the load then affect all of them
+        # equally.
+        for _ in range(repeats):
             loads.append(os.getloadavg()[0])
             times["bare"].append(seconds(BARE, folder))
             for name, (command, _) in COMMANDS.items():

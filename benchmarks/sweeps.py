@@ -278,9 +278,7 @@ def kinds(folder: Path) -> None:
 
 
 def summaries(folder: Path, most: int) -> None:
-    """Rates and memory of sweeps with a summary, compared with those of sweeps whose rows are
-    stored.
-    """
+    """Compare rates and memory of sweeps with a summary and of sweeps whose rows are stored."""
     rows = []
     out = folder / "r.parquet"
     stored = ("--out", str(out))

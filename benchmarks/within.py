@@ -3,13 +3,13 @@
     python benchmarks/within.py
 
 There are ten requests for areas and for a single place, with several presets, cameras, batteries
-and winds.  The brute-force search makes a request for each combination of coarse values of the
+and winds. The brute-force search makes a request for each combination of coarse values of the
 options that `--within` may choose: altitudes, triggers, headings, kinds of grid (square, rectangle,
-line, lanes with several numbers and pitches), samples and spacings.  No combination whose flight
-fits into the time should have a probability of detection that is more than 2 % higher than that of
-the plan.  Flights are planned completely only for combinations whose probability exceeds that of
-the plan minus 0.05, and whose photos alone do not take too long.  The benchmark takes some minutes
-and writes the table to benchmarks/results/within.csv.
+line, lanes with several numbers and pitches), samples and spacings. The test is passed if no
+combination within the time has a probability of detection that is more than 2 % higher than the
+probability of the plan. To save time, only some flights are planned completely. Their probability
+is more than the probability of the plan minus 0.05, and their photos alone do not take too long.
+The benchmark takes some minutes and writes the table to benchmarks/results/within.csv.
 """
 
 from __future__ import annotations

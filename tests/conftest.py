@@ -26,7 +26,7 @@ settings.register_profile(
     "aosplan",
     parent=settings.get_profile("default"),
     deadline=None,
-    # Every run has other examples, so that many short runs replace a long run.
+    # Every run has other examples. Many short runs therefore replace a long run.
     max_examples=25,
     derandomize=bool(os.environ.get("CI")),
 )

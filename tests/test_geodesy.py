@@ -127,7 +127,7 @@ def test_the_frame_is_the_azimuthal_equidistant_projection(place):
     north = [0.0, 0.0, 1.5, -300.0, 900.0, -1400.0]
     latitudes, longitudes = to_wgs84(place, east, north)
     x, y = project.transform(longitudes, latitudes)
-    # At a pole, every direction is south, so that only distances are defined.
+    # At a pole, every direction is south, so only distances are defined.
     if abs(place[0]) == 90.0:
         x, y = [math.hypot(*pair) for pair in zip(x, y, strict=True)], None
         east = [math.hypot(*pair) for pair in zip(east, north, strict=True)]

@@ -68,8 +68,8 @@ def run_json(program, arguments, on_line=None, is_cancelled=None):
 def _read(process, on_line, is_cancelled):
     """Return the standard output and the lines of the standard error of a process, until its end.
 
-    Threads read both pipes, so that neither pipe becomes full and cancelling does not wait for
-    data.
+    Threads read both pipes. Neither pipe can therefore become full, and cancelling does not wait
+    for data.
     """
     lines, output = queue.Queue(), []
     readers = [

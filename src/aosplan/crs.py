@@ -202,8 +202,8 @@ def height_unit_m(band: str | None, stated: Units, what: str, hint: str) -> floa
     Raises
     ------
     RequestError
-        If the unit is unknown, if the unit of the band differs from that of the axis, or if no unit
-        of heights is stated and x and y are in feet.
+        If the unit is unknown, if the band and the axis have different units, or if no unit of
+        heights is stated and x and y are in feet.
     """
     named_m = unit_m(band) if band and band.strip() else None
     if band and band.strip() and named_m is None:

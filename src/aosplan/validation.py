@@ -70,7 +70,7 @@ def checked(model: type[Checked], table: Mapping[str, Any], path: str) -> Checke
 
 
 def _names_at(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
-    """Names that are allowed at a place of the document, at which an unknown name was found."""
+    """Names that are allowed at the place of the document where an unknown name was found."""
     for part in place[:-1]:
         if isinstance(part, str) and part in model.model_fields:
             model = next(_documents_in(model.model_fields[part].annotation), model)

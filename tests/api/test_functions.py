@@ -1,5 +1,5 @@
-"""The functions of `aosplan`: tests of their arguments, and comparison of their results with those
-of the commands.
+"""The functions of `aosplan`: tests of their arguments, and comparison of their results with the
+results of the commands.
 """
 
 import inspect
@@ -89,7 +89,7 @@ def test_results_have_a_short_text_and_html(placed, tmp_path):
         html = found._repr_html_()
         assert html.startswith("<table>")
         assert escape(lines[0]) in html
-        with pytest.raises(AttributeError):  # The class is frozen, so that this raises an error.
+        with pytest.raises(AttributeError):  # The class is frozen, so this raises an error.
             found.plan = None
     assert repr(placed.waypoints).startswith("<10 waypoints: east_m, north_m")
 

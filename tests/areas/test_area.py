@@ -58,8 +58,8 @@ PLACES = [
 def test_areas_have_the_size_on_the_ellipsoid(file, place):
     ring = around(*place)
     area = read_area(file([ring]))
-    # The edges of the reference are geodesics, but those of the area are straight in degrees. At
-    # 78°, they differ by 5 mm.
+    # The edges of the reference are geodesics, but the edges of the area are straight in degrees.
+    # At 78°, they differ by 5 mm.
     expected = abs(GEOD.polygon_area_perimeter(*zip(*ring, strict=True))[0])
     assert area.whole.area == pytest.approx(expected, rel=1e-4)
     assert area.radius_m == pytest.approx(500.0, abs=0.05)

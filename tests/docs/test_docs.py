@@ -27,7 +27,9 @@ def text_of(*names):
 
 
 def is_drawn(page):
-    """Whether a page has pictures, so that the build of the documentation runs its examples."""
+    """Whether a page has pictures. The build of the documentation runs the examples of
+    such pages.
+    """
     return "```{drawn}" in page.read_text(encoding="utf-8")
 
 

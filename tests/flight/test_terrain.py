@@ -155,7 +155,8 @@ def test_only_the_needed_part_of_a_huge_raster_is_read(folder):
         "from aosplan import PlanRequest, plan\n"
         f"r = plan(PlanRequest(altitude=40, origin={LINZ}, terrain={path!r}))\n"
         "print(r.waypoints.ground_m[0])\n"
-        # This is the peak memory of the program alone. ru_maxrss would include that of its parent.
+        # This is the peak memory of the program alone. ru_maxrss would include the memory of its
+        # parent.
         "status = open('/proc/self/status').read()\n"
         "print(status.split('VmHWM:')[1].split()[0])\n"
     )
@@ -280,7 +281,7 @@ def test_heights_without_a_takeoff_say_where_to_take_off(hilly):
     first = result.waypoints[0]
     (warning,) = [w.message for w in result.warnings if w.code == "takeoff_assumed"]
     assert f"{first.ground_m:.1f} m" in warning
-    # The files of all flights have the same take-off point, so that their heights have the same
+    # The files of all flights have the same take-off point. Their heights therefore have the same
     # reference.
     for mission in result.missions():
         place = mission.settings.takeoff_latitude, mission.settings.takeoff_longitude

@@ -1,8 +1,8 @@
 """Write the golden files:  PYTHONPATH=tests python tests/golden/make.py.  Then read the difference.
 
-They are small missions in every format that are compared byte by byte.  Zip files are compared
-member by member, because compression differs between machines.  Only a few parts of the plan's
-summary are kept, so that neither a release nor a new option changes the files.
+They are small missions in every format that are compared byte by byte. Zip files are compared
+member by member, because compression differs between machines. Only a few parts of the plan's
+summary are kept. A release or a new option therefore does not change the files.
 """
 
 import io

@@ -147,8 +147,8 @@ def test_a_distance_trigger_is_on_along_lines_and_off_between_them():
     items = plan_of(mission)["mission"]["items"]
     assert [item["params"][0] for item in items if item["command"] == 206] == [2.5, 0.0] * 3
     holds = [item["params"][0] for item in items if item["command"] == 16]
-    # The points are the first photo, at which PX4 stops, the last photo, and the end of the
-    # trigger, at which PX4 also stops.
+    # The file has three points: the first photo, the last photo, and the end of the trigger. PX4
+    # stops at the first and at the third point.
     assert holds == [0.01, 0.0, 0.01] * 3
     waylines = documents_of(written(mission, "kmz"))["waylines.wpml"]
     groups = [

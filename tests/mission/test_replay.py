@@ -148,8 +148,8 @@ def replayed(name, content, ground, result, mission):
 
 EACH_GRID = ("trimmed", "lanes", "line", "far")
 CASES = [
-    # The grids of the quick tests take turns, so that there is one for each combination of the
-    # other three.
+    # In the quick tests, the grids take turns: each combination of the other three options has one
+    # of the grids.
     pytest.param(*case, marks=() if sum(place) % len(EACH_GRID) == 0 else pytest.mark.slow)
     for place, case in (
         (next(zip(*pairs, strict=True)), [value for _, value in pairs])

@@ -172,7 +172,8 @@ def test_every_state_of_a_tiny_volume_counted_out_gives_the_same_visibility(slic
     exactly = [(Fraction(density), Fraction(dhat)) for density, dhat in slices]
     sites = [(row, column) for row in range(size[0]) for column in range(size[1])]
     density, seen = exact.enumerated_volume(exactly, sites)
-    # For samples 1 m apart at 64 m, occluders of 1/4 m at the height 16 d̂ have the disparity d̂.
+    # The samples are 1 m apart at 64 m. An occluder of 1/4 m at a height of 16 d̂ metres has the
+    # disparity d̂.
     layers = [
         Layer(16.0 * float(dhat), 16.0 * float(dhat), float(share), 0.25) for share, dhat in exactly
     ]
@@ -295,8 +296,8 @@ def test_the_papers_forest_is_cut_into_slices_one_occluder_thick():
     ],
 )
 def test_98_percent_in_layers_of_the_papers_forest_needs_these_baselines(samples, baseline, extent):
-    """The smallest baseline, found by bisection, is that of the design document.  The paper's rule
-    gives 3.5 m.
+    """The smallest baseline, found by bisection, equals the value in the design document. The
+    paper's rule gives 3.5 m.
     """
     model = LayeredModel(paper_forest().slices(), 50.0)
     pattern = pattern_for("trimmed", samples)

@@ -35,7 +35,7 @@ def test_interior_targets_do_not_depend_on_the_surroundings_of_the_plot(stand, p
     sites = inside.sites_m(pattern, baseline) + np.array([1.7, -0.9])
     window = inside.interior(sites)
     if view == "perspective":
-        assert window is None  # All cameras are above the plot, so that all rays stay on it.
+        assert window is None  # All cameras are above the plot, so all rays stay on it.
         return
     k = inside.occlusion.targets_per_voxel
     whole = MeasuredModel(stand, ALTITUDE_M)

@@ -260,8 +260,8 @@ def test_the_focal_height_adds_to_the_altitude_of_the_waypoints():
 def test_a_focal_plane_inside_the_canopy_leaves_the_occluders_above_it():
     low, high = (planned(focal_height=height, vhat=0.9, **UNIFORM) for height in (0, 11))
     whole, half = low.solution.prediction.density, high.solution.prediction.density
-    # Half of the volume is above 11 m. The transparency of this half is the square root of that of
-    # the whole volume.
+    # Half of the volume is above 11 m. The transparency of this half is the square root of the
+    # transparency of the whole volume.
     assert 1 - half == pytest.approx(math.sqrt(1 - whole), rel=1e-12)
 
 

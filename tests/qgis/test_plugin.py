@@ -21,8 +21,8 @@ PACKAGE = ROOT / "qgis" / "package.py"
 
 @cache
 def python_of_qgis():
-    """The Python interpreter with QGIS: that of Debian, or the one that the variable QGIS_PYTHON
-    names.
+    """The Python interpreter with QGIS: the interpreter that the variable QGIS_PYTHON names, or
+    else Debian's.
     """
     candidate = os.environ.get("QGIS_PYTHON", "/usr/bin/python3")
     if shutil.which(candidate) is None:

@@ -253,7 +253,7 @@ def _pattern_shortfall(pattern: AnyPattern, dhat: Fraction) -> Fraction:
 
 
 def coverage_rule() -> Iterator[Check]:
-    """Baselines and disparities, from far above the canopy down to 1 mm above it."""
+    """Baselines and disparities for cameras from far above the canopy down to 1 mm above it."""
     focal = 750.0
     for bottom, top, size in ((2.506, 20.04, 0.2), (19.999, 20.0, 0.05), (1e-6, 20.0, 0.2)):
         for above, share in itertools.product((1e-3, 1e-2, 1.0, 20.0, 1e6), (1e-9, 0.5, 0.98, 1.0)):

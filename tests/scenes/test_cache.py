@@ -173,7 +173,7 @@ def test_the_oldest_entries_are_dropped_and_nothing_else(place, tmp_path, monkey
     os.utime(place / first, ns=(2, 2))
     resolved(clouds[1])
     resolved(clouds[2])
-    # This entry is used again, so that it is no longer the oldest.
+    # This entry is used again, so it is no longer the oldest.
     assert resolved(clouds[0]).from_cache
     assert ".aosplan-cutshort" not in entries(place)
     resolved(clouds[3])

@@ -30,7 +30,9 @@ XYZ, KIND = placed()
 
 
 def codes(volume):
-    """Codes of the warnings except that of few points per column, because the stand has 1.5."""
+    """Codes of the warnings. The warning about few points per column is left out, because the stand
+    always causes it (1.5 points per column).
+    """
     return [code for code, _ in volume.warnings if code != "voxel_below_spacing"]
 
 

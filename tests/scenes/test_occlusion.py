@@ -128,7 +128,9 @@ PLANS = [(4, 0.5, 20.0), (25, 1.5, 30.0), (49, 3.5, 10.0), (100, 5.0, 0.1)]
 
 
 def assert_like_rays(volume, view, rays=60_000):
-    """Check that V and V̂ of plans are within 0.002 of those of many rays to the same targets."""
+    """Check that V and V̂ of plans differ by at most 0.002 from the values of many rays to the same
+    targets.
+    """
     rng = np.random.default_rng(5)
     occlusion = Occlusion(volume, 50.0, view=view)
     for samples, baseline, heading in PLANS:
@@ -209,8 +211,8 @@ def test_nadir_sees_what_no_column_hides(scrub, view):
 
 
 def test_a_camera_sees_each_target_at_the_offset_between_them():
-    # Targets are in the camera's row, so that all rays are along x, and offsets shift by whole
-    # targets per slice, so that nothing is rounded.
+    # Targets are in the camera's row, so all rays are along x. Offsets shift by whole targets per
+    # slice, so nothing is rounded.
     volume = VoxelVolume(np.random.default_rng(4).random((3, 5, 11)) < 0.2, 1.0)
     altitude, row, camera = 4.0, 2, 5
     perspective = hidden(volume, altitude, (0.0, 0.0), view="perspective", targets_per_voxel=1)

@@ -63,8 +63,8 @@ def test_perspective_and_telecentric_agree_far_away():
     st.integers(0, 1000),
 )
 def test_perspective_rays_meet_the_plates_in_the_middle_of_slices(shape, per_voxel, camera, seed):
-    # Slices of 20 m below cameras at 400 m: rays are scaled by up to a factor of four, but are so steep
-    # that they meet second plates in less than one of a hundred slices.
+    # The slices are 20 m thick, below cameras at 400 m. Rays are scaled by up to a factor of four.
+    # They are so steep that they meet second plates in less than one of a hundred slices.
     occupied = np.random.default_rng(seed).random(shape) < 0.1
     volume = VoxelVolume(occupied, 0.25, slice_m=20.0)
     view = Occlusion(volume, 400.0, view="perspective", targets_per_voxel=per_voxel)

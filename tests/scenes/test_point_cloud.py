@@ -39,7 +39,8 @@ def listed(volume):
 
 
 def codes(volume):
-    """Codes of the warnings except that of few points per column, which has its own test.
+    """Codes of the warnings. The warning about few points per column is left out, because it has
+    its own test.
 
     The stand of these tests has 1.5 points per column of 0.25 m.
     """
@@ -321,7 +322,7 @@ def test_voxels_too_fine_for_the_points_are_said_with_a_size_that_does(
     size = float(re.search(r"--voxel with ([\d.]+) m or more", said)[1])
     assert voxel_m < size < 0.25
     assert "voxel_below_spacing" not in dict(read_voxels(path, voxel_m=size).warnings)
-    # The share of columns without a point is that of a Poisson distribution.
+    # The share of columns without a point agrees with a Poisson distribution.
     share = float(re.search(r"so (\d+)% of the columns", said)[1]) / 100.0
     assert share == pytest.approx(np.exp(-points_a_m2 * voxel_m**2), abs=0.02)
 

@@ -123,8 +123,8 @@ def test_targets_in_a_window_and_cells(per_voxel, window):
     np.testing.assert_array_equal(bits, sampled_bits(sampled, masks) * which)
     if inside is not None:
         assert sampled.targets_in(inside) == which.sum() == popcount(mask)
-    # Cells have one target of each lattice. Sorted by place in the cell, their targets are those of
-    # the lattices.
+    # Cells have one target of each lattice. If the targets of a cell are sorted by their place in
+    # the cell, they are in the order of the lattices.
     cells = sampled.unpack(masks, inside)
     size = sampled._step * per_voxel
     first = -(-row // size), -(-column // size)
@@ -145,8 +145,8 @@ def test_a_plan_on_a_sample_is_predicted_as_on_all_targets(edges, baseline_m):
     sample = MeasuredModel(volume, 80.0, edges=edges)
     sample.occlusion = SampledOcclusion(every.occlusion, volume, 120_000)
     want, got = every.predict(pattern, baseline_m), sample.predict(pattern, baseline_m)
-    # The sample is a fifth of all targets. Its standard errors are those of the same number of
-    # random targets.
+    # The sample is a fifth of all targets. The standard errors are computed as for the same number
+    # of random targets.
     error = np.sqrt(want.density * want.transparency / sample.occlusion.targets)
     assert abs(got.density - want.density) < 3.0 * error
     assert abs(got.expected - want.expected) < 3.0 * error

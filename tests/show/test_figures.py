@@ -1,5 +1,5 @@
-"""Figures: their numbers are compared with those of the plan and the scene, and their texts are
-tested.
+"""Figures: their numbers are compared with the numbers of the plan and the scene, and their texts
+are tested.
 """
 
 import json

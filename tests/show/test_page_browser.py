@@ -436,7 +436,7 @@ def test_paper_of_another_shape_leaves_the_map_to_scale(pages, opened):
         picture = np.asarray(
             Image.open(BytesIO(page.locator("#map").first.screenshot())).convert("RGB"), dtype=int
         )
-    # Centres of the marks of the first site, which is green, and of the last, which is red.
+    # Centres of the green mark of the first site and of the red mark of the last site.
     red, green, blue = np.moveaxis(picture, 2, 0)
     first, last = (
         np.mean(np.nonzero(marked), axis=1)

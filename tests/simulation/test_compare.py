@@ -66,8 +66,8 @@ def test_a_model_that_is_off_in_density_is_caught(flight, change):
     p = flight.solution.prediction
     wrong = Prediction(p.density + change, p.transparency - change, p.shortfall)
     broken = replace(flight, solution=flight.solution._replace(prediction=wrong))
-    # Noise patterns are left out: they use the density of the model, so that their density would be
-    # wrong too.
+    # Noise patterns are left out, because they use the density of the model, which would be wrong
+    # too.
     found = simulate(flight, Settings(1, 0.002, "noise"))._replace(predicted=wrong, plan=broken)
     assert not found.agree
     assert found.differences[0].startswith("p is ")

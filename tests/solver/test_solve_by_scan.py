@@ -137,8 +137,8 @@ def test_where_little_is_seen_the_slack_is_one_per_cent_of_it(density):
 
 def test_contrast_grows_with_independent_samples_up_to_their_bound():
     found = solve(Problem(PAPER, vhat("0.98"), bounds=Bounds(max_samples=64), objective="contrast"))
-    # Contrast is proportional to √N. The contrast of 63 samples is within 1 % of that of 64
-    # samples, but that of 62 samples is not.
+    # Contrast is proportional to √N. The contrast of 63 samples is within 1 % of the contrast of 64
+    # samples. The contrast of 62 samples is not.
     assert found.pattern.samples == 63
 
 

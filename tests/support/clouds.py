@@ -34,8 +34,8 @@ def stand(seed=0, width=20.1, depth=12.1, count=6000):
     """Points in a rectangle on a slope.  Half of the points are ground, and half are canopy at 3 to
     9 m.
 
-    No point is close to a face of a voxel of 0.25 m, so that rounding does not move it to another
-    voxel.
+    No point is close to a face of a voxel of 0.25 m. Rounding therefore does not move a point to
+    another voxel.
     """
     rng = np.random.default_rng(seed)
     within = rng.uniform(0.03, 0.22, (3, count))

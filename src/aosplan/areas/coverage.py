@@ -44,7 +44,9 @@ if TYPE_CHECKING:
     Points = NDArray[np.float64]
 
 MOST_CELLS = 2**60
-"""Largest number of cells of a lattice, so that their numbers fit in 64 bits."""
+"""Largest number of cells of a lattice. It is limited because the numbers of cells have to fit in
+64 bits.
+"""
 
 SLACK = 1e-9
 """Tolerance as a share of the pitch. A cell that an area overlaps by less than this is not counted

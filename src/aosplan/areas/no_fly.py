@@ -110,8 +110,8 @@ class NoFlyZones:
             for hole in part.interiors
         ]
         found = np.full(len(points), -1, np.int64)
-        # Larger regions are processed first, so that a point in nested regions gets the index of
-        # the smallest one.
+        # Larger regions are processed first. A point in nested regions therefore gets the index of
+        # the smallest region.
         for index, ring in enumerate(sorted(rings, key=lambda ring: -ring.area)):
             shapely.prepare(ring)
             found[shapely.intersects_xy(ring, points[:, 0], points[:, 1])] = index

@@ -1,5 +1,5 @@
-"""The order in which sites are flown: parallel lines along the better axis, which are connected and
-improved.
+"""The order in which sites are flown. Sites are flown in parallel lines along the better axis; the
+lines are connected, and the order is improved.
 
 The sites of a lattice form *lines*.  A line is a run of neighbours along one axis that no zone
 interrupts.  Each line is flown from one end to the other.  The next line is the line with the

@@ -413,7 +413,7 @@ def verify_and_print(
     """Simulate the drawn rows, and print the summary as a document or as tables."""
     from aosplan.sweeps.summary import summary_document
 
-    assert sweep.gather is not None  # The caller has computed a summary, so that `gather` is set.
+    assert sweep.gather is not None  # The caller has computed a summary, so `gather` is set.
     verification = None
     if simulated is not None:
         try:

@@ -50,8 +50,7 @@ def passing_s(
     rest.
     """
     left = length_m - distance_m
-    # The drone decelerates. The time is computed as that of an acceleration, with the time
-    # reversed.
+    # The drone decelerates. A deceleration takes the same time as the corresponding acceleration.
     if left < distance_m:
         whole: float = stop_to_stop_s(length_m, speed_mps, acceleration_mps2)
         return whole - passing_s(left, length_m, speed_mps, acceleration_mps2)

@@ -1,4 +1,4 @@
-"""Prior of the target's position: a raster of probabilities of the kind that search teams use.
+"""Prior of the target's position: a raster of probabilities, as search teams make them.
 
 Only the ratios of the raster's values matter, because they are divided by their sum.
 """

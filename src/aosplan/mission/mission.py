@@ -268,8 +268,8 @@ class Mission(NamedTuple):
         return self.settings.transit_mps or self.settings.speed_mps
 
     def home(self) -> tuple[float, float]:
-        """Latitude and longitude of the take-off point.  If the take-off point is not known, those
-        of the first waypoint.
+        """Latitude and longitude of the take-off point. If the take-off point is not known, the
+        first waypoint is used.
         """
         settings, ways = self.settings, self.waypoints
         assert ways.latitude is not None  # The formats that use this property require a location.

@@ -105,8 +105,8 @@ class Detection(NamedTuple):
 
 
 def contrasts(signature: Signature) -> list[float]:
-    """Contrasts of the curve: the contrast of the signature, and those of `CURVE` with the same
-    sign.
+    """Contrasts of the curve: the contrast of the signature, and the contrasts in `CURVE` with the
+    same sign.
     """
     sign = -1.0 if signature.contrast < 0.0 else 1.0
     return sorted({sign * contrast for contrast in CURVE} | {signature.contrast})

@@ -147,8 +147,8 @@ def visibility_shortfall(rows: Floats, columns: Floats, dhat: Floats) -> Any:
     """Shortfall K = 1 - V̂ of a grid, compared with infinitely many photos.  It is accurate even if
     V̂ is close to 1.
 
-    K = κ(rows, d̂) κ(columns, d̂) is the variance of the average divided by that of one sample.
-    The parameters are those of `visibility`.
+    K = κ(rows, d̂) κ(columns, d̂) is the variance of the average divided by the variance of one
+    sample. The parameters are those of `visibility`.
     """
     return elementwise(lambda xp, *grid: _shortfall(xp, *grid)[::2], dhat, *_sides(rows, columns))
 
@@ -182,7 +182,7 @@ def _of_grid(
     columns: Any,
     dhat: Any,
 ) -> Any:
-    """Evaluate an equation in p, T, K and 1 - K of a grid elementwise.  The result is ``nan``
+    """Evaluate elementwise an equation that uses p, T, K and 1 - K of a grid. The result is ``nan``
     outside the domain.
     """
 

@@ -225,7 +225,7 @@ def _shortfall_at(points: Floats, pairs: RayPairs, reach_m: float) -> float:
     total = 0.0
     for start in range(0, count, block):
         x, y = np.abs(points[start:, None] - points[None, start : start + block]).T
-        # Each pair is used once. Its second site is the one that comes later.
+        # Each pair is used once. The second site of a pair is the site that comes later.
         near = np.triu((x < reach_m) & (y < reach_m), 1)
         total += float(pairs.at(x[near], y[near]).sum())
     return (count + 2.0 * total) / count**2

@@ -25,8 +25,8 @@ rays all stay on the plot are counted.
 
 **Noise.** If positions deviate randomly from their sites, V and p̄ are random too. Their expected
 values are computed as means over simulated flights (`MeasuredModel.noise_expectation`), with
-standard errors. The number of flights is chosen so that they have about `REALISED_VIEWS` views in
-total. The random numbers are the same for every plan. Plans can therefore be compared.
+standard errors. All simulated flights together have about `REALISED_VIEWS` views. The random
+numbers are the same for every plan. Plans can therefore be compared.
 """
 
 from __future__ import annotations
@@ -299,8 +299,8 @@ class MeasuredModel:
         """The same distance as `independent_baseline_m`.  Two sites of a grid should not be farther
         apart along an axis.
 
-        If only targets whose rays stay on the plot are counted, the axes are those of the plot;
-        otherwise they are those of the grid.
+        If only targets whose rays stay on the plot are counted, the extents are measured along the
+        axes of the plot; otherwise, along the axes of the grid.
         """
         if self.edges == "wrapped":
             return self._widest_m
@@ -420,7 +420,8 @@ class MeasuredModel:
     def hidden_share(self, pattern: AnyPattern, baseline_m: float) -> NDArray[np.float64]:
         """Share of a pattern's views that do not see each target, shape (rows, columns).
 
-        Only the counted targets are included.  With noise, the views are those of the first flight.
+        Only the counted targets are included. With noise, the views of the first simulated flight
+        are used.
         """
         noisy = self.hold_error_m > 0.0
         at = (

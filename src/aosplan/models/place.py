@@ -60,7 +60,8 @@ class Ground(NamedTuple):
 
 
 class PlaceViews:
-    """Views of the targets of a place below a volume of voxels. All cameras have the same altitude.
+    """Views of the targets of a place through a volume of voxels. All cameras have the same
+    altitude.
 
     Parameters
     ----------

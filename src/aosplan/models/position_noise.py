@@ -111,8 +111,8 @@ def _wide(xp: Any, u: Any, spread: Any) -> Any:
 def blurred_shortfall(pattern: Pattern, dhat: float, spread: float) -> float:
     """Expected shortfall 1 - V̂ of a pattern that is flown with position noise.
 
-    The sums over pairs are those of `aosplan.models.positions.pattern_shortfall`, with the
-    convolved triangle instead of the exact one.
+    The pairs are summed as in `aosplan.models.positions.pattern_shortfall`, but with the convolved
+    triangle.
 
     Parameters
     ----------

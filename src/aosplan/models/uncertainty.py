@@ -80,8 +80,8 @@ CLUMPS = (
     (400.0, (0.003, 0.007, 0.032)),
     (math.inf, (0.003, 0.003, 0.017)),
 )
-"""Numbers of pulses per square metre, each with the errors of p, V and V̂ that unresolved clumps
-cause at lower numbers of pulses.
+"""Errors of p, V and V̂ that are caused by unresolved clumps. Each entry is for clouds with fewer
+pulses per square metre than its first number.
 """
 
 SMALLEST_QUARTER = 8

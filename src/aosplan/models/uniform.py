@@ -119,8 +119,8 @@ class UniformModel(NamedTuple):
         return Prediction(self.density, self.transparency, shortfall)
 
     def counts_slices(self, pattern: AnyPattern, baseline_m: float) -> bool:
-        """Whether the volume is treated as slices, because the baseline is below that of the
-        coverage rule.
+        """Whether the volume is treated as slices. This is the case if the baseline is smaller than
+        the baseline of the coverage rule.
         """
         below = baseline_m * pattern.nearest < self.unit_baseline_m * (1.0 - 1e-12)
         return self.slices is not None and pattern.samples > 1 and below

@@ -137,7 +137,7 @@ def camera_of_payload(payload: str) -> str | None:
 
 
 def _check_payload(payload: str, drone: str | None, autopilot: str | None, camera: str) -> None:
-    """Refuse a DJI payload if the drone cannot carry it, or if the camera is that of another
+    """Refuse a DJI payload if the drone cannot carry it, or if the camera belongs to another
     payload.
     """
     if drone is not None:

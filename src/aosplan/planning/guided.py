@@ -62,7 +62,7 @@ MOST_SAMPLES = 100
 
 FEWER = (1.0, 0.8, 0.6, 0.4, 0.25)
 """Fractions of the largest number of positions that fit into the time. Each of these numbers is
-tried, and the one with the highest visibility is used.
+tried, and the number with the highest visibility is used.
 """
 
 
@@ -170,8 +170,8 @@ def _check_better(result: GuidedResult, expected: float) -> None:
     Raises
     ------
     InfeasibleError
-        If the visibility is not higher than that of the grid, with the opacity from the pulses or
-        with dense foliage wherever no pulse has passed.
+        If the visibility is not higher than the visibility of the grid. Both are compared with the
+        opacity from the pulses, and with dense foliage wherever no pulse has passed.
     """
     if not result.plain:
         return

@@ -280,7 +280,7 @@ def check_partners(values: Mapping[str, Any]) -> None:
 
 
 def dependent_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults of options that are not given, but that the given options need."""
+    """Defaults of options that are needed by the given options, but are not given themselves."""
     numbers = given_flags(values, ("density", "integrated_density", "stems_per_hectare"))
     own_camera = given_flags(values, ("focal_length", "fov"))
     needed = ["volume_base"] if numbers else ["scene"]

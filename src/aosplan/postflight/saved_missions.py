@@ -56,7 +56,7 @@ def read_saved_missions(path: str, chosen: Sequence[Format]) -> tuple[Mission, .
 def read_mission_file(path: str) -> Mission:
     """Read the sites of a mission file at which a photo is taken, in flight order.
 
-    East and north are relative to the first site, and heights are those of the file.  Speeds, holds
+    East and north are relative to the first site. Heights are taken from the file. Speeds, holds
     and other settings of the flight are not read.
 
     Raises

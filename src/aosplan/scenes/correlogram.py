@@ -17,9 +17,10 @@ table. It was chosen because a single polar lattice of 273 views contains the pa
 entries.
 
 **Pairs.** The correlation of two views that are Δ apart decreases as the pair moves away from
-nadir. An entry of ρ is therefore a mean over five positions of the pair in a square aperture: at
-nadir, Δ/2 away from it perpendicular to Δ on both sides, and Δ/2 away from it along Δ on both
-sides. The last two positions have half the weight, because an aperture has fewer pairs there.
+nadir. An entry of ρ is therefore a mean over five positions of the middle of the pair in a square
+aperture: at nadir; Δ/2 from nadir on both sides, perpendicular to Δ; and Δ/2 from nadir on both
+sides, along Δ. The last two positions have half the weight, because an aperture has fewer pairs
+there.
 
 The error of V̂ was measured with two point clouds and nineteen generated stands. For square grids
 within the reach of the plot, with b/h = 0.01 … 0.1 and N = 4 … 100, the error is at most 0.016. If
@@ -87,8 +88,8 @@ class Correlogram:
         Largest lag for which the plot is large enough.  At this lag, the rays of two views are half
         the width of the plot apart at the top of the canopy.
     interior
-        Correlograms of the targets from which all rays to an aperture stay on the plot, for the widths
-        `INTERIOR`; empty if they are not known.
+        Correlograms of the targets whose rays to an aperture all stay on the plot, for the widths
+        in `INTERIOR`; empty if they are not known.
     """
 
     lags: Floats
@@ -172,8 +173,8 @@ def correlogram(
     """Compute the correlogram of a volume from telecentric views.
 
     The tables of the correlogram itself count all targets; the plot is treated as periodic.
-    `interior` has one correlogram for each width in `INTERIOR`, which counts only the targets from
-    which all rays to an aperture of this width stay on the plot.
+    `interior` has one correlogram for each width in `INTERIOR`. It counts only the targets whose
+    rays to an aperture of this width all stay on the plot.
 
     Parameters
     ----------

@@ -22,8 +22,8 @@ BOX_M = 4.0
 """Side of the box whose mean the detector subtracts [m]."""
 
 PARTS = 4
-"""Number of subdivisions of a pixel along x and along y, with which the share of the pixel that a
-target covers is computed.
+"""Number of subdivisions of a pixel along x and along y. The share of a pixel that a target covers
+is computed from them.
 """
 
 

@@ -53,7 +53,8 @@ class Opacity(NamedTuple):
     scale_first, scale_last
         Scale factors that reproduce `gap_first` and `gap_last`.
     shrinkage
-        Strength of the shrinkage through the pyramid of voxel sizes.
+        Strength of the shrinkage of voxels towards larger blocks
+        (`aosplan.scenes.pulses.attenuation`).
     seed
         Random seed of the opaque cells.
     """

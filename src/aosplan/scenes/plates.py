@@ -1,7 +1,7 @@
 """The cells that rays meet in slices of plates.
 
 A ray meets the cell at the middle of each slice. Within a slice, the path of a ray at the angle θ
-is sec θ times as long as that of a vertical ray. The optical depth has to increase by the same
+is sec θ times as long as the path of a vertical ray. The optical depth has to increase by the same
 factor. In a share sec θ - 1 of the slices, the ray therefore also meets a neighbouring cell. Cells
 are drawn independently of each other, so a neighbouring cell is equivalent to a new random cell.
 The slices with two cells are evenly distributed, and differ between views.

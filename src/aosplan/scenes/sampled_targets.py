@@ -6,10 +6,11 @@ both of two views. These shares are means over the targets of a plot. A tile wit
 
 **Lattices.** The sample consists of sixteen lattices. Each has one target in every M-th voxel along
 both axes. The lattices differ in the voxel at which they start and in the position of the target
-within its voxel. The position is one of 4 x 4, so that all parts of a voxel are represented
-equally. This matters for the targets that two views at a short distance both hide. M is odd, or 2,
-so that the period of the lattices does not match that of trees planted in rows. Lattices have a
-smaller error than randomly drawn targets, because neighbouring targets are correlated.
+within its voxel. The position is one of 4 x 4, and all parts of a voxel are represented equally.
+This matters for targets that are hidden in both of two views at a short distance. M is odd, or 2.
+The period of the lattices is then rarely the same as the distance of trees planted in rows.
+Lattices have a smaller error than randomly drawn targets, because neighbouring targets are
+correlated.
 
 **Views are shifts**, as in `aosplan.scenes.occlusion`. A lattice that is shifted by n voxels meets
 every M-th voxel, beginning with voxel n mod M. Each slice is therefore sorted once into M x M
@@ -128,9 +129,9 @@ class SampledOcclusion:
     def unpack(self, masks: Words, window: PlotWindow | None = None) -> NDArray[np.bool_]:
         """Convert masks to boolean arrays, which are true for hidden targets.
 
-        The arrays have the shape (N, 4 rows, 4 columns), where rows and columns are those of cells.
-        The side of a cell is the distance between neighbouring targets of a lattice.  A cell has
-        one target of each lattice, near its true position.  Cells that are not completely in the
+        The arrays have the shape (N, 4 rows, 4 columns), where `rows` and `columns` are numbers of
+        cells. The side of a cell is the distance between neighbouring targets of a lattice. A cell
+        has one target of each lattice, near its true position. Cells that are not completely in the
         plot, or in the window if there is one, are left out.
         """
         octets = masks.view(np.uint8).reshape(len(masks), LATTICES, self._height, self._padded)

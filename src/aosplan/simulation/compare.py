@@ -434,8 +434,8 @@ def _of_one_height(plan: Plan) -> Prediction:
 
 
 def _shortfall(plan: Plan, above: Scene) -> float:
-    """K of the plan, increased by the effect of occluders that are lower than the one that
-    determines the coverage rule.
+    """K of the plan, increased by the effect of occluders below the occluder that determines the
+    coverage rule.
     """
     solution, shortfall = plan.solution, plan.solution.prediction.shortfall
     if plan.reading != "rule":

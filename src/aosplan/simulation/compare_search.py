@@ -1,6 +1,6 @@
 """Comparison of a plan's probability of detection with a simulated search.
 
-The prediction is that of `aosplan.models.detection` or `aosplan.models.counted_detection` for the
+The prediction is made by `aosplan.models.detection` or `aosplan.models.counted_detection` for the
 scene of the plan. The search (`aosplan.simulation.search`) uses forests that were not used for the
 prediction: random slices or stands, or the voxels of a point cloud with other radiances.
 

@@ -1,8 +1,8 @@
 """Simulated search: places targets on the ground of a forest, computes the integral image, and
 applies the detector.
 
-Targets have random places and directions, and the ground has a texture.  The detector is that of
-`aosplan.scenes.matched_window`.  A target is found if the output near it exceeds the threshold.
+Targets have random places and directions, and the ground has a texture. The detector is described
+in `aosplan.scenes.matched_window`. A target is found if the output near it exceeds the threshold.
 Each peak above the threshold at another place is a false alarm.
 
 This module does not use the prediction. `aosplan.simulation.compare_search` compares the prediction

@@ -1,5 +1,5 @@
-"""Solution of one problem, or of several problems that differ in the kind of grid or in the
-heading, of which the best solution is chosen.
+"""Solution of problems. If several problems differ in the kind of grid or in the heading, the best
+of their solutions is chosen.
 
 `solve` passes a problem to the solver that suits its model and objective: `solve_monotone` or
 `solve_by_scan`.  These solvers determine the number of samples.
@@ -97,7 +97,7 @@ class Alternative(NamedTuple):
         pattern, baseline = self.solution[:2]
         cell = pattern.pitch if over_area else (0.0, 0.0)
         sides = zip(pattern.extent, cell, footprint_m, strict=True)
-        if over_area:  # The rule is that of `aosplan.areas.survey`.
+        if over_area:  # This is the same rule as in `aosplan.areas.survey`.
             return all(
                 (side + more) * baseline <= size * (1.0 + 1e-9) for side, more, size in sides
             )

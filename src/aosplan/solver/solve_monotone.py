@@ -203,7 +203,7 @@ def _least_aperture_or_none(problem: Problem) -> Solution | None:
     """The solution with the fewest samples within 1 % of the smallest extent; None if no grid meets
     the target.
     """
-    # Within a frame, more samples need a smaller baseline, so that the densest pattern has the
+    # Within a frame, more samples need a smaller baseline. The densest pattern therefore has the
     # smallest extent. A single prediction at the smallest extent so far shows whether the frame can
     # be better.
     least = math.inf
@@ -214,7 +214,7 @@ def _least_aperture_or_none(problem: Problem) -> Solution | None:
             widest = min(widest, least / frame.longer_side)
         if problem.meets(densest, widest):
             baseline = problem.smallest_baseline_m(densest)
-            # It meets the target at `widest`, so that there is a baseline.
+            # It meets the target at `widest`, so there is such a baseline.
             assert baseline is not None
             least = min(least, baseline * frame.longer_side)
     if math.isinf(least):
@@ -289,8 +289,8 @@ def _widest_within(path: Path, timing: Timing, time_s: float, widest_m: float) -
 
 
 def _candidate_frames(problem: Problem) -> Iterator[AnyFrame]:
-    """Frames from the first one that may meet the target to the one with the largest number of
-    samples.
+    """Frames in order, from the first frame that may meet the target to the frame with the largest
+    number of samples.
     """
     grid = problem.grid
     most = _most_samples(problem)

@@ -167,8 +167,7 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
     Raises
     ------
     SurroundingsError
-        If this worker cannot write the part, or if its versions differ from those of the sending
-        machine.
+        If this worker cannot write the part, or if it has other versions than the sending machine.
     """
     if (here := own_versions()) != versions:
         raise SurroundingsError(_difference(_place(), here, versions), _SAME_VERSIONS)
@@ -263,8 +262,8 @@ def _connected(address: str) -> Iterator[Any]:
         # The scheduler is tested first, because a client that cannot connect prints another error
         # when it is deleted.
         asyncio.run(_ask(address))
-        # Warnings are suppressed. They are about large blocks of a table, which are intended, and
-        # about different versions, for which there is an error.
+        # Warnings are suppressed. Large blocks of a table are intended, and for different versions
+        # there is already an error.
         with (
             config.set({"distributed.admin.large-graph-warning-threshold": "1GiB"}),
             warnings.catch_warnings(action="ignore"),

@@ -257,8 +257,8 @@ def write_frame(frame: pl.DataFrame, path: str, folder: str | None = None) -> tu
 
 
 def _guarded(frame: pl.DataFrame) -> pl.DataFrame:
-    """A frame in which no file name starts with a character with which a formula of a spreadsheet
-    starts.
+    """A frame in which no file name starts with a character that begins a formula in
+    a spreadsheet.
     """
     pl = polars()
     names = [

@@ -71,7 +71,7 @@ class Machine(NamedTuple):
 
 
 class Dialect(NamedTuple):
-    """How the files of another application differ from those of DJI Pilot 2.
+    """The differences between the files of another application and the files of DJI Pilot 2.
 
     `machine` is a function that finds the drone of a mission.  If `fly` is true, the files are for
     DJI Fly.  Those files name neither camera nor lens, have the waypoints only in

@@ -157,8 +157,8 @@ class DetailSums:
 
 
 class Agreement(NamedTuple):
-    """Agreement of halves of the views, and the agreement if one block of the raster is left out,
-    for each block, shape (BLOCKS²,).
+    """Agreement between halves of the views. `without` has the agreement after one block of the
+    raster is left out, for each block, shape (BLOCKS²,).
     """
 
     value: float

@@ -35,9 +35,9 @@ MOST_SPOTS = 200
 def anomalies(_source: ViewSource, picture: Picture) -> Picture:
     """A picture in which anomalies of a photo are 1 and all other pixels are 0.
 
-    This is the RX detector of Reed and Yu.  The score of a pixel is the squared Mahalanobis
-    distance of its values from those of the photo.  A pixel is an anomaly if its score exceeds the
-    quantile `RX_SHARE` of all scores.
+    This is the RX detector of Reed and Yu. The score of a pixel is the squared Mahalanobis distance
+    between its values and the values of all pixels of the photo. A pixel is an anomaly if its score
+    exceeds the quantile `RX_SHARE` of all scores.
     """
     rows, columns, bands = picture.pixels.shape
     flat = picture.pixels.reshape(-1, bands).T.astype(np.float64)

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 def read_shots(path: str) -> PosedViews:
     """Read the views of an OpenDroneMap reconstruction.
 
-    The origin of the world is the centre of the photos.  Its axes are those of the UTM zone.
-    Heights are those of the reconstruction.
+    The origin of the world is the centre of the photos. Its axes are parallel to the axes of the
+    UTM zone. Heights are taken from the reconstruction.
 
     Raises
     ------

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     Adjust = Callable[[ViewSource, Picture], Picture]
 
 RIM = 0.15
-"""Width of the rim in which the weight of a photo decreases to zero, as a share of its side."""
+"""The weight of a photo decreases to zero in a rim. This is the width of the rim, as a share of the
+side of the photo.
+"""
 
 SHOWN_PX = 600
 """Approximate size to which a small picture is enlarged before a scale bar is added."""

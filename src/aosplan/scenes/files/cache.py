@@ -135,7 +135,8 @@ def _entry(files: Sequence[str], reading: Mapping[str, Any]) -> str | None:
 
 
 def sampled_checksum(path: str, size: int) -> str:
-    """Checksum of the head, the tail and samples of a file, or of a whole file if it is small.
+    """Checksum of the head, the tail and samples of a file. For a small file, it is the checksum of
+    the whole file.
 
     The checksum is needed because a different file may have the same size and time.
     """

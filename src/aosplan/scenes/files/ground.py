@@ -1,9 +1,8 @@
 """The ground below a point cloud: its height at every corner of a grid, computed from the points.
 
-The functions take points in blocks of shape (3, n), so that clouds of any size can be processed.  A
-block has x, y and z in metres from the corner of the plot.  The numbers of triangles, nodes and
-filter cells are limited.  On larger plots the cells are larger, and the points in a cell are
-merged.
+The functions take points in blocks of shape (3, n), because a cloud may be larger than the memory.
+A block has x, y and z in metres from the corner of the plot. The numbers of triangles, nodes and
+filter cells are limited. On larger plots the cells are larger, and the points in a cell are merged.
 """
 
 from __future__ import annotations
@@ -166,8 +165,9 @@ def surface(points: Floats, rows: int, columns: int, spacing_m: float) -> NDArra
     """z of the ground at the corners of a grid of cells, shape (rows + 1, columns + 1).
 
     The ground is linear within the Delaunay triangles of `points`, which have the shape (3, n).
-    Outside their hull, z is that of the nearest point.  If there are more than `MAX_NODES` corners,
-    only every second, third, ... corner is evaluated, and the others are interpolated.
+    Outside the hull of the triangles, z is the height of the nearest point. If there are more than
+    `MAX_NODES` corners, only every second, third, ... corner is evaluated, and the others are
+    interpolated.
     """
     from scipy.spatial import cKDTree
 

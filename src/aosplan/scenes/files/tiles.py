@@ -106,7 +106,7 @@ def located(volume: VoxelVolume, files: Sequence[PointFile]) -> VoxelVolume:
 
 
 def _check_same(first: PointFile, file: PointFile) -> None:
-    """Refuse a file whose reference system differs from that of the first file."""
+    """Refuse a file whose reference system is not the reference system of the first file."""
     one, other = first.reference, file.reference
     if other.horizontal is not None and file is not first:
         assert one.horizontal is not None

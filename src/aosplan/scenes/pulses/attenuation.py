@@ -146,7 +146,8 @@ def best_strengths(halves: tuple[VoxelSums, VoxelSums], voxel_m: float) -> Stren
     """Find the strengths of the two shrinkages with which each half of the pulses predicts the
     other half best.
 
-    The log-likelihood of a half is that of a Poisson process along its paths: Σ I log λ - L λ.
+    The log-likelihood of a half is Σ I log λ - L λ, as for a Poisson process along the paths of its
+    pulses.
     """
 
     def likelihood(strengths: Strengths) -> float:

@@ -47,8 +47,7 @@ class Trajectory(NamedTuple):
 def read_trajectory(path: str) -> Trajectory:
     """Read a CSV file with the columns gps_time, x, y and z.
 
-    Times and coordinates refer to the same systems as those of the point cloud.  Coordinates are in
-    metres.
+    Times and coordinates are in the same systems as in the point cloud. Coordinates are in metres.
 
     Raises
     ------

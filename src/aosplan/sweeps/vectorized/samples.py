@@ -1,11 +1,11 @@
 """Samples and baselines of whole columns, for scenarios in which neighbours do not share occluders
 and therefore V̂ = 1 - 1/N.
 
-The results and the error messages are the same as those of `aosplan.solver.solve_monotone` for the
-uniform model and the smallest number of samples. Every quantity is an array over only the axes on
-which it depends. Some scenarios are deferred and solved individually, because the model uses slices
-for them (`aosplan.models.uniform`). They have a baseline below that of the coverage rule, either
-because it is given or because of a limit on the extent of the grid.
+Results and error messages are the same as in `aosplan.solver.solve_monotone`, for the uniform model
+and with the smallest number of samples as the objective. Every quantity is an array over only the
+axes on which it depends. Some scenarios are deferred and solved individually, because the model
+uses slices for them (`aosplan.models.uniform`). Their baseline is smaller than the baseline of the
+coverage rule, either because it is given or because the extent of the grid is limited.
 """
 
 from __future__ import annotations
@@ -156,8 +156,8 @@ def _refuse_hopeless(asked: RequirementColumns, statuses: RowStatuses) -> None:
 
 
 def _lines(grid: str, samples: Counts) -> tuple[Counts, Counts, Counts]:
-    """Number of samples of the smallest patterns with at least the given numbers of samples, and
-    sides of these patterns along x and y in baselines.
+    """For each given number of samples, the smallest pattern with at least this number: its number
+    of samples, and its sides along x and y in baselines.
     """
     rows, columns = rectangle_at(grid, _index_for(grid, samples))
     return samples if grid == "trimmed" else rows * columns, columns - 1, rows - 1
