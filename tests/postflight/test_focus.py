@@ -15,10 +15,19 @@ from support.paths import ROOT
 from support.recorded import nadir_to, photo, write_recording
 
 from aosplan.cli.schema import json_schema
-from aosplan.postflight.integral.agreement import DetailSums, agreement, details_of, vertex
+from aosplan.postflight.integral.agreement import (
+    Agreement,
+    DetailSums,
+    agreement,
+    detail_of,
+    details_of,
+    peaks_of,
+    vertex,
+)
 from aosplan.postflight.integral.alignment import fitted
 from aosplan.postflight.integral.focal_plane import Raster
 from aosplan.postflight.integral.focus import find_focus
+from aosplan.postflight.integral.integral_warnings import focus_warnings
 from aosplan.postflight.integral.recording import Recording
 from aosplan.postflight.integral.view_subset import ViewSubset
 from aosplan.simulation.ssim import similarity
@@ -70,6 +79,33 @@ def test_a_parabola_has_its_vertex():
     assert vertex(places, -((places - 2.3) ** 2)) == pytest.approx(2.3)
 
 
+def test_detail_has_the_same_contrast_in_dull_and_in_bright_parts(folder):
+    rng = np.random.default_rng(11)
+    contrast = np.where(np.arange(160) < 100, 2.0, 40.0)
+    image = (128.0 + contrast * rng.standard_normal((120, 160))).astype(np.float32)
+    paths = write_recording(folder, [(nadir_to(0.0), np.array([0.0, 0.0, 40.0]))], [image])
+    detail = detail_of(Recording(*paths).sources[0]).pixels[..., 0]
+    # Near the border of the two parts, the window contains both.
+    dull, bright = detail[:, :70].std(), detail[:, 130:].std()
+    assert 0.5 < dull / bright < 1.2
+
+
+def curve_with(low, dip, high, deviation):
+    """Agreement at nine heights, with peaks at 2 and 6.  The jackknife gives the dip between them a
+    standard deviation.
+    """
+    values = [0.2, 0.4, low, 0.5 * (low + dip), dip, 0.5 * (dip + high), high, 0.4, 0.2]
+    off = np.resize([1.0, -1.0], 16) * deviation / np.sqrt(15.0)
+    return [Agreement(value, value + off * (index == 4)) for index, value in enumerate(values)]
+
+
+@pytest.mark.parametrize(("deviation", "peaks"), [(0.02, (2, 6)), (0.05, (6, None))])
+def test_a_peak_rises_above_its_saddle_by_three_standard_deviations(deviation, peaks):
+    # The lower peak rises by 0.1 above the dip.
+    curve = curve_with(0.6, 0.5, 0.7, deviation)
+    assert peaks_of(np.arange(9.0), curve) == peaks
+
+
 def test_growth_and_rotation_are_separated_from_the_rest():
     rng = np.random.default_rng(3)
     positions = rng.normal(0, 5, (30, 2)) + 100.0
@@ -105,6 +141,8 @@ def test_the_ground_is_found_between_the_heights_of_a_range(folder, height):
     assert found.ground.place == pytest.approx(height, abs=0.1)
     assert abs(found.ground.place - height) < 5 * found.ground.deviation + 0.02
     assert found.crowns is None
+    assert found.name == "lowest layer found"
+    assert [warning.code for warning in focus_warnings(found)] == ["one_layer"]
     assert not found.at_end
 
 
@@ -113,6 +151,8 @@ def test_ground_and_crowns_are_two_peaks(folder):
     found = find_focus(recording, np.arange(25))
     assert found.ground.place == pytest.approx(1.0, abs=0.2)
     assert found.crowns.place == pytest.approx(12.0, abs=0.6)
+    assert found.name == "ground"
+    assert focus_warnings(found) == []
 
 
 @pytest.mark.parametrize(
@@ -274,7 +314,7 @@ def test_one_command_focuses_and_says_what_it_found(command, folder):
         assert curve.width > 500
     status, out, _ = command("photos", "--focus", "-5..8", "--align", "yaw", "--out", "y.png")
     assert status == 0
-    assert "ground at" in out
+    assert "lowest layer found at" in out
     assert "turned by -" in out
     assert "moved" not in out
 

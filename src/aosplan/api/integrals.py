@@ -47,7 +47,7 @@ class Integral(Summarized, integrals.Integral):
             "one photo",
         }
         if self.focus is not None:
-            facts["Focus"] = f"ground at {self.focus.ground.place:.3g} m"
+            facts["Focus"] = f"{self.focus.name} at {self.focus.ground.place:.3g} m"
         return headline, facts | warnings_text(self.warnings)
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -377,7 +377,7 @@ FIELD_DESCRIPTIONS = {
     "focus": "Height at which the views agree best; present with --focus.",
     "heights_m": "Heights of the focal plane that were tested.",
     "agreement": "Correlation of integrals from disjoint halves of the views at each height.",
-    "FocusDocument.ground": "The lowest peak: the ground.",
+    "FocusDocument.ground": "The lowest peak: the ground, or possibly the crowns if there is no other peak.",
     "crowns": "The highest peak above the ground.",
     "place": "Height of the peak [m].",
     "PeakDocument.value": "Agreement at the peak.",

@@ -205,11 +205,13 @@ def _bytes(
 
 def figure_bytes(path: str, found: Focus) -> bytes:
     """The bytes of a figure file with the curve of agreement."""
-    from aosplan.show.figures.canvas import form_of, rendered
+    from aosplan.show.figures.canvas import FigureStyle, form_of, rendered
     from aosplan.show.figures.draw import FigureKind
     from aosplan.show.figures.focus_curve import FocusCurve
 
+    # Letters of this width are legible on a phone.
+    narrow = FigureStyle(width_mm=100.0)
     kind = FigureKind(
-        "focus", "agreement between halves of the photos", "recording", "focus_curve", 0.55
+        "focus", "agreement between halves of the photos", "recording", "focus_curve", 0.7
     )
-    return rendered(kind, FocusCurve.of(found.document()), form_of(path))
+    return rendered(kind, FocusCurve.of(found.document()), form_of(path), narrow)

@@ -85,13 +85,16 @@ def show_summary(document: dict[str, Any], out: tuple[str, ...]) -> None:
 
 def _focus_lines(focus: dict[str, Any]) -> Iterator[tuple[str, str]]:
     ground, crowns = focus["ground"], focus["crowns"]
-    yield (
-        "Focus",
-        f"ground at {ground['place']:.2f} ± {ground['deviation']:.2g} m (agreement {ground['value']:.2f})"
-        + (
-            "" if crowns is None else f", crowns at {crowns['place']:.1f} m ({crowns['value']:.2f})"
-        ),
+    found = (
+        f"at {ground['place']:.2f} ± {ground['deviation']:.2g} m (agreement {ground['value']:.2f})"
     )
+    if crowns is None:
+        yield "Focus", f"lowest layer found {found}, the ground or the crowns"
+    else:
+        yield (
+            "Focus",
+            f"ground {found}, crowns at {crowns['place']:.1f} m ({crowns['value']:.2f})",
+        )
     if focus["aligned_views"]:
         # With `--align yaw`, the positions are assumed to be exact. No position is moved, and the
         # yaw has no standard deviation.

@@ -43,8 +43,23 @@ BLOCKS = 4
 left out once.
 """
 
+LOCAL_PX, LEAST_SPREAD = 10.0, 0.5
+"""Window in which the contrast of the detail is equalized: the standard deviation of a Gaussian, in
+pixels of the reduced image; and the smallest local standard deviation, divided by its median.
+
+Without this, a few sunlit crowns would outweigh the ground between them.
+"""
+
 LONGEST_PX = 480
 """Longest side of the images from which detail is computed."""
+
+PROMINENCE = 3.0
+"""Smallest prominence of a significant peak, in standard deviations."""
+
+WEAK, WEAK_SHARE = 0.1, 0.25
+"""Agreement of a significant peak is above both of these: a value, and a share of the largest
+agreement.
+"""
 
 CLIP = 4.0
 """Detail is limited to this number of standard deviations. Otherwise, single hot pixels would
@@ -53,7 +68,7 @@ dominate.
 
 
 class Detail(NamedTuple):
-    """Detail of one view: its reduced image without low frequencies, in standard deviations.
+    """Detail of one view: its reduced image without low frequencies, in local standard deviations.
 
     The pixels have the shape (rows, columns, 1).
     """
@@ -93,8 +108,11 @@ def detail_of(source: ViewSource, longest_px: int = LONGEST_PX) -> Detail:
         grey = np.where(finite, grey, grey[finite].mean() if finite.any() else 0.0)
     smooth = gaussian_filter(grey, COARSE_PX, mode="nearest")
     detail = gaussian_filter(grey, FINE_PX, mode="nearest") - smooth
-    spread = float(detail.std())
-    scaled = np.clip(detail / spread, -CLIP, CLIP) if spread > 0.0 else np.zeros_like(detail)
+    spread = np.sqrt(gaussian_filter(detail * detail, LOCAL_PX, mode="nearest"))
+    least = LEAST_SPREAD * float(np.median(spread)) or float(detail.std())
+    scaled = np.zeros_like(detail)
+    if least > 0.0:
+        scaled = np.clip(detail / np.maximum(spread, least), -CLIP, CLIP)
     return Detail(source.view, lens, scaled.astype(np.float32)[..., np.newaxis])
 
 
@@ -232,6 +250,38 @@ def peak_near(places: Floats, curve: Sequence[Agreement], index: int) -> Peak:
     spread = np.sqrt((count - 1) * np.mean((moved - moved.mean()) ** 2)) if count > 1 else np.inf
     value = float(np.interp(whole, places[part], [each.value for each in curve[part]]))
     return Peak(whole, value, float(spread))
+
+
+def peaks_of(places: Floats, curve: Sequence[Agreement]) -> tuple[int, int | None]:
+    """Indices of the lowest significant peak, and of the highest peak above it.
+
+    A peak is significant if it rises above the saddle beside it by `PROMINENCE` standard deviations
+    of this difference.  The standard deviation is that of leaving out one block of the raster at a
+    time (jackknife).  Errors of neighbouring values are correlated, so the difference is more
+    accurate than each value.  If no peak is significant, the largest value is taken, even if it is
+    at an end of the curve.
+    """
+    from scipy.signal import find_peaks
+
+    values = np.array([each.value for each in curve])
+    without = np.array([each.without for each in curve])
+    best = int(np.argmax(values))
+    found, about = find_peaks(values, prominence=0.05 * max(values[best], 0.0))
+    left, right = about["left_bases"], about["right_bases"]
+    saddles = np.where(values[left] >= values[right], left, right)
+    rises = without[found] - without[saddles]
+    spread = np.sqrt(without.shape[1] - 1.0) * rises.std(axis=1)
+    least = max(WEAK, WEAK_SHARE * values[best])
+    clear = [
+        int(index)
+        for index, rise, error in zip(found, about["prominences"], spread, strict=True)
+        if rise > PROMINENCE * error and values[index] > least
+    ]
+    if not clear:
+        return best, None
+    lowest = clear[0]
+    above = [index for index in clear[1:] if places[index] > places[lowest]]
+    return lowest, max(above, key=lambda index: values[index]) if above else None
 
 
 def vertex(places: Floats, values: Floats) -> float:

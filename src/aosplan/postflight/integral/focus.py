@@ -4,7 +4,7 @@ The agreement as a function of height (`aosplan.postflight.integral.agreement`) 
 ground, and often another peak at the crowns.  Errors of positions and of the compass flatten both
 peaks.  Poses are therefore corrected (`aosplan.postflight.integral.alignment`) at the highest point
 of a coarse curve.  With corrected poses, a fine curve has clearer peaks.  The ground is the lowest
-peak.
+peak.  If there is only one peak, it may be the ground or the crowns.
 """
 
 from __future__ import annotations
@@ -17,18 +17,20 @@ import numpy as np
 from aosplan.errors import RequestError
 from aosplan.postflight.integral.agreement import (
     LONGEST_PX,
+    WEAK,
     Agreement,
     Detail,
     Peak,
     agreement_at,
     details_of,
     peak_near,
+    peaks_of,
 )
 from aosplan.postflight.integral.alignment import Correction, fitted, shifts_of
 from aosplan.postflight.integral.distance_scan import range_below
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -61,12 +63,6 @@ ROUNDS = 4
 LEAST_VIEWS = 4
 """Smallest number of views for a search. Fewer views cannot distinguish heights."""
 
-PROMINENCE = 3.0
-"""Smallest prominence of a significant peak, in standard deviations."""
-
-WEAK = 0.1
-"""Agreement below this value is not significant."""
-
 
 class Focus(NamedTuple):
     """Result of a search for the focus.
@@ -78,8 +74,8 @@ class Focus(NamedTuple):
     curve
         Agreement of halves of the views at each height.
     ground, crowns
-        Peaks of the curve: the lowest peak, and the highest peak above it (None if there is no
-        other peak).
+        Peaks of the curve: the lowest peak, and the highest peak above it.  If there is no other
+        peak, `crowns` is None, and `ground` may be the ground or the crowns.
     correction
         Corrections of the recorded poses. Without an alignment, they are zero.
     yaw_deviation_deg
@@ -98,6 +94,11 @@ class Focus(NamedTuple):
     yaw_deviation_deg: float
     aligned: int
     at_end: bool
+
+    @property
+    def name(self) -> str:
+        """Name of the layer in focus."""
+        return "lowest layer found" if self.crowns is None else "ground"
 
     def document(self) -> dict[str, Any]:
         """The result as plain values."""
@@ -298,35 +299,6 @@ def find_focus(
         aligned,
         lowest in (0, len(places) - 1),
     )
-
-
-def peaks_of(places: Floats, curve: Sequence[Agreement]) -> tuple[int, int | None]:
-    """Indices of the lowest significant peak, and of the highest peak above it.
-
-    The largest value is treated as a peak, even at an end of the curve.
-    """
-    from scipy.signal import find_peaks
-
-    values = np.array([each.value for each in curve])
-    without = np.array([each.without for each in curve])
-    count = without.shape[1]
-    spread = np.sqrt(count - 1.0) * without.std(axis=1)
-    # Errors of neighbouring values are correlated. The error of their difference is therefore much
-    # smaller than the error of each value, and is used here.
-    best = int(np.argmax(values))
-    found, about = find_peaks(values, prominence=0.05 * max(values[best], 0.0))
-    clear = [
-        int(index)
-        for index, rise in zip(found, about["prominences"], strict=True)
-        if rise > 0.5 * PROMINENCE * spread[index] * min(1.0, rise / max(values[index], 1e-9))
-        and values[index] > WEAK
-        and values[index] > 0.25 * values[best]
-    ]
-    if not clear:
-        return best, None
-    lowest = clear[0]
-    above = [index for index in clear[1:] if places[index] > places[lowest]]
-    return lowest, max(above, key=lambda index: values[index]) if above else None
 
 
 class _Search:

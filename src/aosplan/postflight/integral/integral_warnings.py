@@ -71,6 +71,15 @@ def focus_warnings(focus: Focus | None) -> list[Message]:
                 "other heights with --focus H1..H2",
             )
         )
+    elif focus.crowns is None:
+        found.append(
+            Message(
+                "one_layer",
+                f"the photos agree at only one height, {focus.ground.place:.4g} m, which may be that "
+                "of the ground or of the crowns; if it is that of the crowns, give lower heights "
+                "with --focus H1..H2",
+            )
+        )
     count = len(focus.correction.shifts_m)
     if 0 < focus.aligned < count:
         found.append(

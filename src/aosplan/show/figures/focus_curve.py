@@ -27,7 +27,12 @@ class FocusCurve(NamedTuple):
     def of(cls, focus: Mapping[str, Any]) -> FocusCurve:
         """The curve from the document of a focus."""
         peaks = tuple(
-            (name, peak["place"], peak["value"], peak["deviation"])
+            (
+                "lowest layer" if focus["crowns"] is None else name,
+                peak["place"],
+                peak["value"],
+                peak["deviation"],
+            )
             for name in ("ground", "crowns")
             if (peak := focus[name]) is not None
         )
