@@ -40,7 +40,7 @@ def test_a_file_that_is_not_there_is_an_error_of_one_line(folder, name):
 def test_a_missing_file_is_named(folder):
     with pytest.raises(RequestError) as caught:
         read_bytes("no.toml")
-    assert caught.value.message == "no file 'no.toml'"
+    assert caught.value.message == "there is no file 'no.toml'"
 
 
 def test_a_folder_in_place_of_a_file_is_refused(folder):
@@ -58,7 +58,7 @@ READERS = [(read_bytes, "file"), (check_input, "file"), (read_canopy, "raster")]
 def test_odd_names_are_quoted_alike_whatever_reads_them(folder, monkeypatch, read, what, name):
     with pytest.raises(RequestError) as caught:
         read(name)
-    assert caught.value.message == f"no {what} '{name}'"
+    assert caught.value.message == f"there is no {what} '{name}'"
     if "\0" in name:
         return
     (folder / name).mkdir()

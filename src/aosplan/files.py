@@ -83,7 +83,7 @@ def reading(path: str, what: str = "file") -> Iterator[None]:
         yield
     # ValueError: the path contains a zero byte
     except (FileNotFoundError, NotADirectoryError, ValueError):
-        raise RequestError(f"no {what} '{path}'") from None
+        raise RequestError(f"there is no {what} '{path}'") from None
     except IsADirectoryError:
         raise RequestError(f"'{path}' is a folder, not a {what}") from None
     except OSError as error:

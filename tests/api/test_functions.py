@@ -134,7 +134,7 @@ def test_sweeps_have_the_rows_of_the_command(tmp_path):
         assert found.scenarios == 6
     best = aosplan.sweep({"altitude": [30, 40], "vhat": 0.9}, best="-flight_time_s", columns="all")
     assert best.columns()["altitude"] == [30.0]
-    with pytest.raises(RequestError, match="per is given without best"):
+    with pytest.raises(RequestError, match="per needs best"):
         aosplan.sweep({"altitude": [30, 40]}, per=["altitude"])
     with pytest.raises(RequestError, match="unknown name 'altidude'"):
         aosplan.sweep({"altidude": [30, 40]})

@@ -250,7 +250,7 @@ def test_the_command_writes_a_map_that_lies_over_the_area(tmp_path, monkeypatch,
     [
         (["--detection-map", "pod.tif"], "needs a location"),
         (["--origin", "48,14", "--detection-map", "pod.png"], "does not end in .tif"),
-        (["--origin", "48,14", "--poa", "prior.tif"], "--poa is given without --detection-map"),
+        (["--origin", "48,14", "--poa", "prior.tif"], "--poa needs --detection-map"),
         (["--origin", "48,14", "--detection-map", "p.tif", "--out", "p.tif"], "p.tif"),
         (["--origin", "48,14", "--detection-map", "p.tif", "--poa", "no.tif"], "no.tif"),
         (

@@ -97,13 +97,25 @@ def test_several_files_do_not_fit_into_stdout():
         ("kmz", {"baseline_m": 0.4}, "waypoints 1 and 2 are 0.4 m apart"),
         ("kmz", {"baseline_m": 2001.0}, "distances of 0.5 to 2000 m"),
         ("litchi", {"baseline_m": 0.49}, "0.49 m apart"),
-        ("kmz", {"speed_mps": 15.5}, "speed 15.5 m/s: DJI WPML takes 0.1 to 15 m/s"),
-        ("litchi", {"speed_mps": 16.0}, "speed 16 m/s"),
-        ("litchi", {"hold_s": 33.0}, "hold 33 s: Litchi CSV takes 0 to 32 s"),
-        ("litchi", {"altitude_m": 501.0}, "height 501 m: Litchi CSV takes -200 to 500 m"),
-        ("litchi", {"altitude_m": -201.0}, "height -201 m"),
-        ("kmz", {"altitude_m": 1501.0}, "height 1501 m: DJI WPML takes any to 1500 m"),
-        ("waypoints", {"altitude_m": 1e6}, "height 1e+06 m"),
+        (
+            "kmz",
+            {"speed_mps": 15.5},
+            "the speed is 15.5 m/s, but DJI WPML allows only 0.1 to 15 m/s",
+        ),
+        ("litchi", {"speed_mps": 16.0}, "the speed is 16 m/s"),
+        ("litchi", {"hold_s": 33.0}, "the hold is 33 s, but Litchi CSV allows only 0 to 32 s"),
+        (
+            "litchi",
+            {"altitude_m": 501.0},
+            "the height is 501 m, but Litchi CSV allows only -200 to 500 m",
+        ),
+        ("litchi", {"altitude_m": -201.0}, "the height is -201 m"),
+        (
+            "kmz",
+            {"altitude_m": 1501.0},
+            "the height is 1501 m, but DJI WPML allows only at most 1500 m",
+        ),
+        ("waypoints", {"altitude_m": 1e6}, "the height is 1e+06 m"),
     ],
 )
 def test_limits_that_splitting_cannot_meet_give_an_error_with_the_number(name, values, words):

@@ -205,7 +205,7 @@ def check_refusal(name, values, refused):
         or values["trigger"] not in form.triggers
         or (values.get("altitude_frame") == "terrain" and "ground" not in form.altitudes)
         or refused.message == "PX4 does not accept heights above terrain"
-        or re.match("speed .* m/s: |.* has no code for the drone", refused.message)
+        or re.match("the speed is .* m/s, but |.* has no code for the drone", refused.message)
     ), (name, refused.message)
 
 

@@ -86,10 +86,10 @@ def test_on_bare_ground_every_target_is_found():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"signature": "colour"}, "--signature without --find"),
+        ({"signature": "colour"}, "--signature needs --find"),
         ({"find": "person", "contrast": 2.0}, "a signature by numbers needs --canopy-offset"),
         ({"find": "person", "signature": "colour", **OWN}, "have the same meaning"),
-        ({"find": "dog"}, "is not person and not WxL"),
+        ({"find": "dog"}, "is neither person nor WxL"),
         ({"find": "99x100"}, "is not between"),
         ({"find": "person", **OWN, "contrast": 0.0}, "cannot be found"),
     ],

@@ -295,7 +295,7 @@ def test_lane_options_go_with_lanes(grid, name):
     error = refusal(altitude=40, grid=grid, **{name: 3})
     assert BY_NAME[name].flag in error.message
     assert f"--grid {grid}" in error.message
-    assert error.hint == "give them only with --grid lanes"
+    assert error.hint == "give --grid lanes, or leave the other options out"
 
 
 def test_lanes_are_no_closer_than_samples_along_them():

@@ -107,9 +107,11 @@ def test_a_named_defaults_file_is_used_before_the_usual_one(mine, folder, reques
 
 
 def test_a_named_file_that_is_not_there_is_an_error(capsys, monkeypatch):
-    assert "--defaults: no file 'x.toml'" in refused(capsys, "--altitude", 40, "--defaults=x.toml")
+    assert "--defaults: there is no file 'x.toml'" in refused(
+        capsys, "--altitude", 40, "--defaults=x.toml"
+    )
     monkeypatch.setenv("AOSPLAN_DEFAULTS", "y.toml")
-    assert "AOSPLAN_DEFAULTS: no file 'y.toml'" in refused(capsys, "--altitude", 40)
+    assert "AOSPLAN_DEFAULTS: there is no file 'y.toml'" in refused(capsys, "--altitude", 40)
     monkeypatch.setenv("AOSPLAN_DEFAULTS", "")
     with pytest.raises(RequestError):
         find_defaults(None)

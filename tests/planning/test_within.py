@@ -160,9 +160,9 @@ def test_an_assumed_photo_interval_gives_a_notice():
     [
         ({"altitude": "40..80"}, "is a range"),
         ({"altitude": "80..40", "within": 5}, "is not an increasing range"),
-        ({"altitude": 40, "trigger": "best"}, "without --within"),
+        ({"altitude": 40, "trigger": "best"}, "--trigger best needs --within"),
         ({"altitude": 40, "within": 5, "grid": "spiral"}, "the search does not include spirals"),
-        ({"altitude": 40, "within": 5, "resume_at": 3}, "--resume-at with --within"),
+        ({"altitude": 40, "within": 5, "resume_at": 3}, "--resume-at cannot be used with --within"),
         ({"altitude": "40..80", "within": 5, "baseline": 3}, "--baseline"),
         ({"altitude": 40, "within": 0}, "within"),
     ],

@@ -237,7 +237,7 @@ plot grid --altitude 40 --width-mm 90 | --width-mm 90 is not from 140 to 1000 |
 plot grid --altitude 40 --width-mm 1000 --dpi 1200 | million pixels | .svg or .pdf
 plot grid | altitude |
 plot density | no scene is given | preset
-plot density paper-forest --scene conifer-forest | give a single scene |
+plot density paper-forest --scene conifer-forest | give only one of them |
 plot density no-such-forest | unknown scene 'no-such-forest' |
 plot correlogram paper-forest | has neither a correlogram | point cloud
 plot visibility --altitude 40 --density 0 --occluder-size 0.2 --volume-height 9 | no occluder is above |

@@ -163,7 +163,7 @@ def test_a_sweep_draws_itself_as_plot_draws_its_results(campaign, tmp_path, caps
         ("plot sweep nothing.csv", "no file 'nothing.csv'"),
         ("plot sweep r.txt", "does not have one of the extensions .csv, .parquet, .jsonl"),
         ("plot sweep r.csv --x sample", "the results have no column 'sample'"),
-        ("plot sweep r.csv --value samples", "--value is given without --x and --y"),
+        ("plot sweep r.csv --value samples", "--value needs --x and --y"),
         ("plot sweep r.csv --altitude 40", "--altitude cannot be used with the results of a sweep"),
         ("plot sweep r.csv --x scene --y samples", "nothing to draw"),
         (
@@ -173,7 +173,10 @@ def test_a_sweep_draws_itself_as_plot_draws_its_results(campaign, tmp_path, caps
         ("plot sweep other.csv --x a --y b", "has no column 'status'"),
         ("plot sweep broken.parquet", "the results cannot be read"),
         ("plot sweep empty.csv", "the results cannot be read"),
-        ("plot grid --altitude 40 --x samples", "--x, --y, --value and --by are for sweep"),
+        (
+            "plot grid --altitude 40 --x samples",
+            "--x, --y, --value and --by cannot be used with the figure 'grid'",
+        ),
         (
             "sweep c.toml --out o.csv --plot o.gif",
             "does not have one of the extensions .png, .svg, .pdf",

@@ -409,8 +409,8 @@ def test_pages_and_waypoints_are_written_together_or_not_at_all(command, folder)
         (["--report", "-", "--json"], "both write to stdout"),
         (["--report", "-", "--out", "csv:-"], "error: output '-' is given twice"),
         (["--report", "a.html", "--out", "csv:a.html"], "error: output 'a.html' is given twice"),
-        (["--no-report-picture"], "error: --no-report-picture without --report"),
-        (["--report-seed", "1"], "error: --report-seed without --report"),
+        (["--no-report-picture"], "error: --no-report-picture needs --report"),
+        (["--report-seed", "1"], "error: --report-seed needs --report"),
         (["--report", "a.html", "--report-seed", "-1"], "is not a whole number from 0"),
         (["--report", "a.html", "--report-seed", "x"], "error: --report-seed 'x'"),
         (
@@ -450,8 +450,11 @@ def test_a_missing_extra_is_one_line_and_a_hint(command, monkeypatch, missing, p
 
 def test_plans_that_are_not_simulated_say_why():
     for options, reason in (
-        ({"hold_error": 0.3, "vhat": 0.8}, "a simulation takes each photo exactly at its site"),
-        ({"rays": "oblique", "vhat": 0.8}, "a simulation always traces the slanted rays"),
+        (
+            {"hold_error": 0.3, "vhat": 0.8},
+            "because a simulation takes each photo exactly at its site",
+        ),
+        ({"rays": "oblique", "vhat": 0.8}, "because a simulation always traces the slanted rays"),
         ({"vhat": "99.99%", "allow_no_common_ground": True}, "10000 photos"),
     ):
         text = Page(report_page(plan(PlanRequest(altitude=40, **options)))).of("main")[0]["text"]

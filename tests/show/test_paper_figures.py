@@ -240,8 +240,16 @@ def test_numbers_are_read_as_people_write_them(text, number):
         ("paper", "no figure of the paper is given", "one of 2b,"),
         ("paper 5 --seed -1", "--seed '-1' is not a whole number from 0", ""),
         ("paper 5 --altitude 40", "--altitude cannot be used with figures of the paper", ""),
-        ("paper 5 --x N", "--x, --y, --value and --by are for sweep, not for paper", ""),
-        ("grid --altitude 40 --seed 3", "--seed is for paper, not for grid", ""),
+        (
+            "paper 5 --x N",
+            "--x, --y, --value and --by cannot be used with the figure 'paper'",
+            "give --x",
+        ),
+        (
+            "grid --altitude 40 --seed 3",
+            "--seed cannot be used with the figure 'grid'",
+            "give --seed only with aosplan plot paper",
+        ),
     ],
 )
 def test_invalid_paper_figure_commands_give_one_error_line(line, error, hint, capsys):

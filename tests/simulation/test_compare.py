@@ -321,7 +321,7 @@ def test_a_uniform_forest_needs_a_uniform_scene(flight):
     scene = LayeredScene("stand", (Layer(2.0, 3.0, 0.2, 0.5),))
     loaded = replace(flight.inputs.loaded, scene=scene)
     made = replace(flight, inputs=flight.inputs._replace(loaded=loaded))
-    with pytest.raises(RequestError, match="'stand' has layers"):
+    with pytest.raises(RequestError, match="'stand', because this scene has layers"):
         simulate(made, Settings(forest="uniform"))
 
 

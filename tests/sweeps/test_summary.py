@@ -443,9 +443,9 @@ def test_a_sweep_without_any_kept_row_has_a_summary(campaign, capsys):
     ("options", "words"),
     [
         ([], ["no output is given", "--summary"]),
-        (["--json", "--out", "r.csv"], ["--json is given without --summary"]),
+        (["--json", "--out", "r.csv"], ["--json needs --summary"]),
         (["--summary", "--where", "sampels < 1"], ["sampels", "the columns are"]),
-        (["--summary", "--seed", "3"], ["--seed without --simulate"]),
+        (["--summary", "--seed", "3"], ["--seed needs --simulate"]),
         (["--simulate", "0"], ["--simulate '0'"]),
         (["--simulate", "2.5"], ["--simulate '2.5'"]),
         (["--simulate", "1000000"], ["--simulate 1000000", "10000"]),

@@ -192,7 +192,7 @@ def test_conditions_of_single_rows_are_taken(campaign, tmp_path, where, met):
         (["--best", "samplse"], ["samplse", "samples"]),
         (["--best", "status"], ["--best status", "text"]),
         (["--best", "-reason"], ["--best -reason", "text"]),
-        (["--per", "altitude"], ["--per is given without --best"]),
+        (["--per", "altitude"], ["--per needs --best"]),
         (["--columns", "samples,foo"], ["'foo'"]),
         (["--workers", "0"], ["--workers '0'"]),
     ],

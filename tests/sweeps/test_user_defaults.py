@@ -134,5 +134,5 @@ def test_wrong_defaults_are_errors(folder, capsys):
     assert run([*line, "d.toml"]) == 2
     assert "error: 'd.toml': " in capsys.readouterr().err
     assert run([*line, "missing.toml"]) == 2
-    assert "--defaults: no file 'missing.toml'" in capsys.readouterr().err
+    assert "--defaults: there is no file 'missing.toml'" in capsys.readouterr().err
     assert "r.csv" not in os.listdir()

@@ -36,7 +36,7 @@ class Review(Summarized, reviews.Review):
         """The result as text: a headline and named values."""
         sites = len(self.sites)
         headline = f"{sites - len(self.missing)} of {sites} sites have a photo"
-        facts = {"Photos": f"{len(self.views)}, {len(self.strays)} of them at no site"}
+        facts = {"Photos": f"{len(self.views)}, {len(self.strays)} of them far from every site"}
         if self.errors_m is not None:
             facts["Position error"] = "{:.2f} m root mean square, {:.2f} m at most".format(
                 *self.errors_m

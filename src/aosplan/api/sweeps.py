@@ -169,7 +169,7 @@ def sweep(
         swept, folder = crossing_of(scenarios), os.getcwd()
     if per and best is None:
         raise RequestError(
-            "per is given without best",
+            "per needs best",
             "give best='COLUMN', the column that decides which row is kept",
         )
     names = columns if columns is None or isinstance(columns, str) else ",".join(columns)

@@ -168,9 +168,7 @@ def _check_prior(poa: str, detection_map: str | None) -> None:
     from aosplan.files import check_input
 
     if detection_map is None:
-        raise RequestError(
-            "--poa is given without --detection-map", "give --detection-map POD.tif too"
-        )
+        raise RequestError("--poa needs --detection-map", "give --detection-map POD.tif as well")
     check_input(poa)
 
 
@@ -199,7 +197,7 @@ def _report_seed(report: str | None, seed: str | None, *, picture: bool) -> int 
     if report is None:
         unpaired = "--no-report-picture" if not picture else "--report-seed" if seed else ""
         if unpaired:
-            raise RequestError(f"{unpaired} without --report", "give --report PAGE.html too")
+            raise RequestError(f"{unpaired} needs --report", "give --report PAGE.html as well")
         return None
     if not picture:
         if seed is not None:
@@ -249,7 +247,7 @@ COMMAND = command(
             "Seed of the simulated picture in the report.  [1]",
             "Output",
         ),
-        flag_option("--no-report-picture", "Leave the simulated picture out of the report."),
+        flag_option("--no-report-picture", "Make a report without the simulated picture."),
         text_option(
             "--detection-map",
             "POD.tif",

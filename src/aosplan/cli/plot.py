@@ -61,11 +61,15 @@ def run(
         check_output(out, force=force)
         check_extra()
     for source, given, names in (
-        ("results", (x, y, value, by), "--x, --y, --value and --by are for sweep"),
-        ("paper", (seed,), "--seed is for paper"),
+        ("results", (x, y, value, by), "--x, --y, --value and --by"),
+        ("paper", (seed,), "--seed"),
     ):
         if chosen.source != source and any(each is not None for each in given):
-            raise RequestError(f"{names}, not for {chosen.name}")
+            users = "sweep" if source == "results" else "paper"
+            raise RequestError(
+                f"{names} cannot be used with the figure '{chosen.name}'",
+                f"give {names} only with aosplan plot {users}",
+            )
     shown: FigureData
     if chosen.source == "results":
         shown = _of_results(file, flags, ColumnChoice(x, y, value, by))
@@ -148,7 +152,9 @@ def _of_scene(
         given, folder = read_request(file) | given, os.path.dirname(file)
     elif file is not None:
         if "scene" in given:
-            raise RequestError(f"'{file}' and --scene {given['scene']}", "give a single scene")
+            raise RequestError(
+                f"'{file}' and --scene {given['scene']} both give a scene", "give only one of them"
+            )
         given["scene"] = file
     if not given:
         raise RequestError("no scene is given", "give a point cloud, a scene file or a preset")

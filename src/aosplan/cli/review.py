@@ -156,7 +156,7 @@ def _show(found: Review, written: Sequence[str]) -> None:
 def _rows(found: Review) -> Iterator[tuple[str, str]]:
     """Rows about the photos and the missing sites."""
     strays, total = len(found.strays), len(found.sites)
-    aside = f", {strays} of them at no site" if strays else ""
+    aside = f", {strays} of them far from every site" if strays else ""
     yield "Photos", f"{len(found.views)}{aside} (--tolerance {found.tolerance_m:.3g} m)"
     if found.errors_m is not None:
         yield (
@@ -201,7 +201,7 @@ def _coverage_rows(coverage: CoverageMap) -> Iterator[tuple[str, str]]:
         f"({known['planned_photos']:.3g} planned)",
     )
     if known["gap_share"] == 0.0:
-        yield "Gaps", "none: every place is seen as planned"
+        yield "Gaps", "none, because no place is seen worse than planned"
         return
     why = (
         "in fewer photos than planned"

@@ -79,7 +79,7 @@ def run(
     told = summary or sampled is not None
     if as_json and not told:
         raise RequestError(
-            "--json is given without --summary or --simulate", "give one of these options as well"
+            "--json needs --summary or --simulate", "give one of these options as well"
         )
     if out is not None:
         _check_out(out, best, resume=resume, force=force)
@@ -95,7 +95,7 @@ def run(
         )
     if per and best is None:
         raise RequestError(
-            "--per is given without --best", "give --best COLUMN, which decides which row is kept"
+            "--per needs --best", "give --best COLUMN, which decides which row is kept"
         )
     scenarios = read_scenarios(file)
     own = find_defaults(defaults)
@@ -106,7 +106,7 @@ def run(
     if scenarios.rows > MOST_SCENARIOS and not yes:
         raise RequestError(
             f"'{file}' has {scenarios.rows} scenarios, more than {MOST_SCENARIOS}",
-            "leave values out, or give --yes for so many scenarios; --where and --best make "
+            "leave values out, or give --yes to plan all of them; --where and --best make "
             "the result smaller",
         )
     sweep = Sweep(
@@ -297,13 +297,13 @@ COMMAND = command(
         ),
         flag_option(
             "--summary",
-            "Print a summary: numbers of rows, extremes, and shares for each input.  Does "
-            "not need --out.",
+            "Print a summary: numbers of rows, smallest and largest results, and shares for each "
+            "input.  Does not need --out.",
         ),
         text_option(
             "--simulate",
             "N",
-            "Simulate N of the feasible rows, including the extremes.",
+            "Simulate N of the feasible rows, including those with the smallest and largest results.",
             "Simulation",
         ),
         text_option(
@@ -347,7 +347,7 @@ def verify_options(
         for option, value in (("--seed", seed), ("--precision", precision)):
             if value is not None:
                 raise RequestError(
-                    f"{option} without --simulate", "give --simulate N, the number of rows"
+                    f"{option} needs --simulate", "give --simulate N, where N is the number of rows"
                 )
         return None
     from aosplan.simulation.compare import Settings
@@ -355,7 +355,9 @@ def verify_options(
 
     rows = whole(simulate, "--simulate")
     if rows > MOST_ROWS:
-        raise RequestError(f"--simulate {simulate} is more than {MOST_ROWS} rows")
+        raise RequestError(
+            f"--simulate {simulate} is more than the {MOST_ROWS} rows that are possible"
+        )
     return VerifyOptions(rows, read_settings(Settings(), seed, precision))
 
 

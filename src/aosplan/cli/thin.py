@@ -78,7 +78,9 @@ def run(
         )
         show(
             one_line(""),
-            one_line(f"independent: {count} photos that share no occluder, as an upper limit of V̂"),
+            one_line(
+                f"independent: {count} photos that share no occluder; their V̂ is an upper limit"
+            ),
         )
         if found.detection is not None:
             every, kept = found.detection

@@ -154,9 +154,16 @@ def _check(
     least, most = bounds
     for value in values:
         if (least is not None and value < least) or (most is not None and value > most):
-            shown = " to ".join("any" if one is None else f"{one:g}" for one in bounds)
+            shown = (
+                f"at most {most:g}"
+                if least is None
+                else f"at least {least:g}"
+                if most is None
+                else f"{least:g} to {most:g}"
+            )
             raise RequestError(
-                f"{name} {value:.6g} {unit}: {chosen.title} takes {shown} {unit}", hint
+                f"the {name} is {value:.6g} {unit}, but {chosen.title} allows only {shown} {unit}",
+                hint,
             )
 
 
@@ -175,7 +182,7 @@ def _check_legs(path: Sequence[PathPoint], chosen: Format, limits: Limits) -> No
             continue
         if not shortest <= leg <= (math.inf if longest is None else longest):
             raise RequestError(
-                f"waypoints {index} and {index + 1} are {leg:.4g} m apart: {chosen.title} "
-                f"allows distances of {shortest:g} to {longest:g} m",
+                f"waypoints {index} and {index + 1} are {leg:.4g} m apart, but {chosen.title} "
+                f"allows only distances of {shortest:g} to {longest:g} m",
                 "give another --baseline, or write another format",
             )

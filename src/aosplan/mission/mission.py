@@ -291,14 +291,14 @@ def check_hold(autopilot: str | None, hold_s: float) -> None:
     """
     if autopilot == "ardupilot" and (hold_s < 1.0 or hold_s != math.floor(hold_s)):
         raise RequestError(
-            f"--hold {hold_s:g} s: ArduPilot holds only for whole seconds, and does not stop "
-            "at waypoints with a hold of 0",
+            f"--hold {hold_s:g} s is not possible, because ArduPilot holds only for whole seconds and "
+            "does not stop at waypoints with a hold of 0",
             f"give --hold {max(1, math.ceil(hold_s))}, or --trigger distance for "
             "photos while flying",
         )
     if autopilot == "px4" and hold_s < PX4_LEAST_HOLD_S:
         raise RequestError(
-            f"--hold {hold_s:g} s: PX4 does not stop at waypoints with a hold of 0",
+            f"--hold {hold_s:g} s is not possible, because PX4 does not stop at waypoints with a hold of 0",
             f"give --hold {PX4_LEAST_HOLD_S:g} or longer, or --trigger distance for "
             "photos while flying",
         )

@@ -120,7 +120,8 @@ class PlaceViews:
         self._inside = ground.holds(points)
         if not self._inside.any():
             raise RequestError(
-                f"the target area is smaller than a target of the scene, {pitch_m:.2g} m",
+                f"the target area is too small, because the points for which views are computed are "
+                f"{pitch_m:.2g} m apart",
                 "give a larger area",
             )
         self.targets_m = points[self._inside]

@@ -100,12 +100,13 @@ def _decided_by_autopilot(values: Mapping[str, Any]) -> dict[str, Any]:
         )
         if values["altitude_frame"] == "terrain":
             raise RequestError(
-                "--altitude-frame terrain with PX4, which does not accept heights above terrain",
+                "--altitude-frame terrain cannot be used with PX4, because PX4 does not accept heights "
+                "above terrain",
                 "give --altitude-frame takeoff, with --terrain DEM.tif on sloping ground",
             )
     elif control is not None:
         raise RequestError(
-            f"--camera-control {control} is only for PX4",
+            f"--camera-control {control} can be used only with PX4",
             "give --autopilot px4, or leave --camera-control out, because other autopilots "
             "use their own parameters",
         )

@@ -181,11 +181,12 @@ def _check_better(result: GuidedResult, expected: float) -> None:
     along_m, across_m = best.pitch_m
     lanes = f" --lanes {best.rows} --lane-pitch {across_m / along_m:.4g}" if best.rows > 1 else ""
     raise InfeasibleError(
-        f"guided positions are not better here: V = {expected:.3g}, and {result.least_expected:.3g} "
-        "if there is dense foliage wherever no pulse has passed; a plain grid of the same time has "
-        f"{best.prediction.expected:.3g} and {best.least_expected:.3g}",
-        f"--grid {best.kind}{lanes} --samples {best.samples} --baseline {along_m:g} --trigger "
-        f"{best.trigger} is that grid; a point cloud with flight lines from more sides may help",
+        f"guided positions are not better here than a plain grid: their V is {expected:.3g}, or "
+        f"{result.least_expected:.3g} if there is dense foliage wherever no pulse has passed; a "
+        f"plain grid with the same flight time has V = {best.prediction.expected:.3g}, or "
+        f"{best.least_expected:.3g} with this foliage",
+        f"give --grid {best.kind}{lanes} --samples {best.samples} --baseline {along_m:g} --trigger "
+        f"{best.trigger} for this plain grid, or a point cloud with flight lines from more sides",
     )
 
 
@@ -238,7 +239,7 @@ class _Planner:
                 raise InfeasibleError(
                     f"there are only {found} candidate positions for {count} samples: "
                     f"{self._candidates.reason}",
-                    f"--samples {found}, or a smaller --baseline",
+                    f"give --samples {found}, or a smaller --baseline",
                 )
             tour = self._tour(count)
             if within is not None and tour.time_s > 60.0 * within:
@@ -300,16 +301,16 @@ class _Planner:
         """What determined the number and the choice of the sites."""
         candidates, bounds = self._candidates, self._inputs.bounds
         samples, reach = len(tour.order), max(candidates.reach_m)
-        of = f"of {len(self._cells)} candidates {candidates.step_m:g} m apart"
+        of = f"of {len(self._cells)} candidates, which are {candidates.step_m:g} m apart"
         if bounds.samples is not None:
-            text = f"the number of positions is fixed; they are the best {of}"
+            text = f"the number of positions is given; they are the best {of}"
         elif self._inputs.within_min is not None:
             text = (
-                f"the best positions {of} within {self._inputs.within_min:g} min, from take-off to "
-                "landing"
+                f"these are the best positions {of}, for at most {self._inputs.within_min:g} min from "
+                "take-off to landing"
             )
         else:
-            text = f"the best positions {of}; --samples N or --within MIN changes their number"
+            text = f"these are the best positions {of}; --samples N or --within MIN changes their number"
         return (
             Limit("samples", samples, samples, text),
             Limit("reach_m", reach, reach, candidates.reason),

@@ -101,8 +101,8 @@ def candidates_of(
     kept = stays & ~zones.inside(points) if zones else stays
     if not kept.any():
         raise InfeasibleError(
-            "from every position, rays to the target area leave the point cloud or the position "
-            "is in a no-fly zone",
+            "no position is possible: each position is in a no-fly zone, or rays from it to the target "
+            "area leave the point cloud",
             "give a larger point cloud, a smaller area, or a place nearer to its middle",
         )
     return Candidates(places[kept], step, points[kept], reason)
@@ -124,6 +124,6 @@ def _step_m(inputs: PlanInputs, size_m: Floats) -> float:
         raise InfeasibleError(
             f"--baseline {asked:g} gives {count(asked):.0f} candidate positions, more than "
             f"{MOST_CANDIDATES}",
-            f"--baseline {step_m:g} gives few enough, or give a smaller --max-aperture",
+            f"give --baseline {step_m:g} or more, or a smaller --max-aperture",
         )
     return step_m

@@ -17,8 +17,7 @@ NOT_GUIDED: tuple[tuple[str, tuple[Any, ...], str], ...] = (
     (
         "find",
         (),
-        "in simulations, guided positions did not always find more targets, so that neither --find "
-        "nor --optimize detection is possible",
+        "guided positions did not always find more targets than plain grids in simulations",
     ),
     ("optimize", ("visibility",), "the positions are chosen for the visibility of the place"),
     ("trigger", ("stop",), "the positions are not on lines that can be flown through"),
@@ -48,13 +47,14 @@ def check_guided(values: Mapping[str, Any]) -> None:
             flag = BY_NAME[name].flag
             shown = flag if value is True else f"{flag} {value}"
             raise RequestError(
-                f"{shown} with --grid guided: {reason}",
+                f"{shown} cannot be used with --grid guided, because {reason}",
                 f"leave {flag} out, or give another --grid",
             )
     if values["heading"] == "best" or isinstance(values["altitude"], str):
         name = "heading" if values["heading"] == "best" else "altitude"
         raise RequestError(
-            f"--{name} {values[name]} with --grid guided: this option is not searched",
+            f"--{name} {values[name]} cannot be used with --grid guided, because guided positions "
+            f"are chosen for a single {name}",
             "give a number",
         )
     if all(values[name] is None for name in ("origin", "area", "around")):

@@ -186,7 +186,7 @@ def target_name(value: Any, name: str) -> str:
     sides = text.split("x")
     if len(sides) != 2:
         raise RequestError(
-            f"{name} {q.shown(value)} is not person and not WxL in metres",
+            f"{name} {q.shown(value)} is neither person nor WxL in metres",
             "give person (0.5 x 1.7 m, lying), or width and length such as 2x4",
         )
     width, length = sorted(q.positive(side, name, unit="m") for side in sides)
@@ -212,7 +212,7 @@ def radiance(value: Any, name: str) -> float:
     found = q.number(value, name)
     if abs(found) > LARGEST_CONTRAST:
         raise RequestError(
-            f"{name} {q.shown(value)} is beyond {LARGEST_CONTRAST:g}",
+            f"{name} {q.shown(value)} is not between -{LARGEST_CONTRAST:g} and {LARGEST_CONTRAST:g}",
             "the unit is the standard deviation between occluders, and not degrees or grey values",
         )
     return found

@@ -276,7 +276,8 @@ def check_partners(values: Mapping[str, Any]) -> None:
     for need in NEEDS:
         unpaired = given_flags(values, need.options)
         if unpaired and not need.is_met(values):
-            raise RequestError(f"{' and '.join(unpaired)} without {need.shown}", need.hint)
+            verb = "needs" if len(unpaired) == 1 else "need"
+            raise RequestError(f"{' and '.join(unpaired)} {verb} {need.shown}", need.hint)
 
 
 def dependent_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -341,17 +342,18 @@ def check_grid(values: Mapping[str, Any]) -> None:
         unexpected = [flag for flag in unexpected if flag != "--lane-pitch"]
     if unexpected:
         raise RequestError(
-            f"{' and '.join(unexpected)} with --grid {grid}", "give them only with --grid lanes"
+            f"{' and '.join(unexpected)} cannot be used with --grid {grid}",
+            "give --grid lanes, or leave the other options out",
         )
     if values["heading"] == "auto" and not over_area:
         raise RequestError("--heading auto needs --area", "give --heading in degrees")
     if values["line_length"] is not None and over_area:
-        raise RequestError("--line-length and --area contradict each other", "keep one")
+        raise RequestError("--line-length and --area contradict each other", "give only one")
     if grid == "spiral" and over_area:
-        raise RequestError("--grid spiral cannot be repeated over an --area", "use lanes")
+        raise RequestError("--grid spiral cannot be repeated over an --area", "give --grid lanes")
     if values["line_length"] is not None and grid != "line":
         raise RequestError(
-            f"--line-length with --grid {grid}", "give --line-length only with --grid line"
+            f"--line-length cannot be used with --grid {grid}", "give --grid line as well"
         )
 
 
@@ -475,7 +477,7 @@ def check_search(values: Mapping[str, Any]) -> None:
                 "single altitude",
             )
         if values["trigger"] == "best":
-            raise RequestError("--trigger best without --within", "give --within MIN as well")
+            raise RequestError("--trigger best needs --within", "give --within MIN as well")
         return
     which = "--optimize detection"
     if values["within"] is not None:
@@ -485,7 +487,9 @@ def check_search(values: Mapping[str, Any]) -> None:
     for name, reason in NOT_SEARCHED.items():
         if values[name]:
             flag = "--" + name.replace("_", "-")
-            raise RequestError(f"{flag} with {which}: {reason}", f"leave {flag} out")
+            raise RequestError(
+                f"{flag} cannot be used with {which}, because {reason}", f"leave {flag} out"
+            )
     if values["grid"] == "spiral":
         raise RequestError(
             f"--grid spiral cannot be used with {which}, because the search does not include "

@@ -145,7 +145,7 @@ def _counted(inputs: PlanInputs, sites_m: Floats) -> Detection:
     if volume is None:
         raise RequestError(
             "--find needs the voxels of the stand, but this scene has only statistics",
-            "give the point cloud, a file of scene --save NAME.npz, or --model layered",
+            "give the point cloud, a .npz file that aosplan scene --save wrote, or --model layered",
         )
     return count_detection(
         volume,

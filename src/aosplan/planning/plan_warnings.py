@@ -85,8 +85,8 @@ def scene_elsewhere(loaded: LoadedScene, origin: tuple[float, float] | None) -> 
         yield Message(
             "scene_elsewhere",
             f"the scene was measured {apart_m / 1000.0:.3g} km away, at "
-            f"{place[0]:.4f},{place[1]:.4f}: if the scene shows the place of the plan, check "
-            "--origin or --area",
+            f"{place[0]:.4f},{place[1]:.4f}; if it should be the forest at the place of the plan, "
+            "check --origin or --area",
         )
 
 
@@ -323,10 +323,10 @@ def measured_warnings(solved: SolvedPlan, *, compares_headings: bool) -> Iterato
         shear_m = 0.5 * extent_m / problem.model.independent_baseline_m
         yield Message(
             "small_plot",
-            f"the plot is too small for a grid of {extent_m:.4g} m: between its first and "
-            f"last photo, the top of the canopy shifts by {shear_m:.2g} of the plot at an "
-            f"altitude of {inputs.altitude_m:.4g} m, and if it shifts by more than one half, "
-            "the same trees count twice; give --max-aperture "
+            f"the plot is too small for a grid of {extent_m:.4g} m, so the same trees are counted "
+            "twice: from the first photo to the last, the top of the canopy moves by "
+            f"{shear_m:.2g} of the width of the plot at an altitude of {inputs.altitude_m:.4g} m, "
+            "and one half is the limit; give --max-aperture "
             f"{problem.model.independent_baseline_m:.4g}, or measure a larger plot",
         )
     if not compares_headings and (word := other_heading(Alternative(problem, solution))):
@@ -358,11 +358,11 @@ def _edges_of_plot(solved: SolvedPlan, problem: Problem) -> Iterator[Message]:
     ):
         yield Message(
             "edges_wrapped",
-            "rays to this grid leave the plot, which is repeated beyond its edges, and its "
-            "edges differ from its middle: targets whose rays stay on the plot have V̂ = "
-            f"{inside.normalized:.3g} and V = {inside.expected:.3g}, all targets have "
-            f"{solution.prediction.normalized:.3g} and {solution.prediction.expected:.3g}; "
-            "--edges interior counts only the targets whose rays stay on the plot",
+            "some rays to this grid leave the plot, so the plot is repeated beyond its edges, which "
+            "differ from its middle; for all targets, "
+            f"V̂ = {solution.prediction.normalized:.3g} and V = {solution.prediction.expected:.3g}; "
+            f"for targets whose rays stay on the plot, V̂ = {inside.normalized:.3g} and "
+            f"V = {inside.expected:.3g}; --edges interior counts only these targets",
         )
 
 
@@ -377,7 +377,7 @@ def guided_warnings(guided: GuidedResult, prediction: Prediction) -> Iterator[Me
     if guided.chosen_expected - prediction.expected > BY_CHANCE:
         yield Message(
             "guided_by_chance",
-            f"V is {guided.chosen_expected:.3g} by the half of the pulses that the positions were "
-            f"chosen with, but {prediction.expected:.3g} by the other half: the pulses are too few "
-            "to choose by; a denser point cloud gives better positions",
+            f"V is {guided.chosen_expected:.3g} with the half of the pulses that was used to choose the "
+            f"positions, but {prediction.expected:.3g} with the other half, because the cloud has "
+            "few pulses; a denser point cloud gives better positions",
         )

@@ -44,7 +44,7 @@ def read_request(path: str) -> dict[str, Any]:
     """Read the options in a request file, or in the request of a saved result."""
     if not os.path.exists(path) and path.replace(".", "", 1).removeprefix("-").isdigit():
         raise RequestError(
-            f"no file '{path}'",
+            f"there is no file '{path}'",
             "write the latitude and the longitude with a comma and without a space: --origin "
             f"LAT,{path}",
         )

@@ -417,7 +417,10 @@ def _check_altitude(loaded: LoadedScene, altitude_m: float, request: PlanRequest
     if altitude_m > top and altitude_m >= lowest:
         return
     given = request.altitude is not None
-    remedy = f"fly {rounded_up(lowest)} m or higher, {request.clearance:g} m above {top:.6g} m"
+    remedy = (
+        f"fly {rounded_up(lowest)} m or higher, which is {request.clearance:g} m above the canopy "
+        f"({top:.6g} m)"
+    )
     outliers = next((said for code, said in loaded.warnings if code == "points_far_above"), None)
     if outliers is not None:
         remedy = outliers
@@ -440,16 +443,16 @@ def _check_model(name: str, kind: str, request: PlanRequest) -> None:
         )
     if request.edges is not None and name != "measured":
         raise RequestError(
-            f"--edges {request.edges} is not for --model {name}",
-            "give it only for the measured model",
+            f"--edges {request.edges} cannot be used with the {name} model",
+            "leave it out, or give --model measured",
         )
     if request.view is not None and name != "measured":
         raise RequestError(
-            f"--view {request.view} is not for --model {name}",
-            "give it only for the measured model",
+            f"--view {request.view} cannot be used with the {name} model",
+            "leave it out, or give --model measured",
         )
     if request.rays is not None and name == "measured":
         raise RequestError(
-            f"--rays {request.rays} with --model measured",
+            f"--rays {request.rays} cannot be used with the measured model",
             "leave --rays out, because the measured model traces the real rays",
         )

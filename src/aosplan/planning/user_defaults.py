@@ -56,7 +56,10 @@ def find_defaults(chosen: str | None, environment: Mapping[str, str] | None = No
             return None
         if name is not None:
             if not name or not os.path.isfile(name):
-                raise RequestError(f"{what}: no file '{name}'", "with none, no file is read")
+                raise RequestError(
+                    f"{what}: there is no file '{name}'",
+                    "give the name of a file, or none for no file",
+                )
             return name
     usual = usual_path(known)
     return usual if usual and os.path.isfile(usual) else None

@@ -97,13 +97,13 @@ class WithinResult(NamedTuple):
             text = "twice the time would improve the plan only slightly"
         elif self.asked.optimize in BEST:
             text = (
-                f"no better plan was found that takes at most {self.minutes:.4g} min from "
-                "take-off to landing"
+                f"among the plans that take at most {self.minutes:.4g} min from take-off to landing, "
+                "none with a higher value was found"
             )
         else:
             text = (
-                "no plan with a lower value was found that reaches the target within "
-                f"{self.minutes:.4g} min"
+                "among the plans that reach the target and take at most "
+                f"{self.minutes:.4g} min, none with a lower value was found"
             )
         return (Limit("total_time_s", time_s, allowed_s, text),)
 

@@ -296,20 +296,21 @@ def experiment_of(plan: Plan, settings: Settings) -> tuple[Settings, Experiment 
     check_views(plan.solution.pattern.samples)
     if plan.inputs.hold_error_m > 0.0:
         raise RequestError(
-            f"--hold-error {plan.inputs.hold_error_m:g}: a simulation takes each photo "
-            "exactly at its site",
+            f"--hold-error {plan.inputs.hold_error_m:g} cannot be simulated, because a simulation "
+            "takes each photo exactly at its site",
             "simulate the plan without --hold-error",
         )
     if plan.inputs.rays not in (None, "nadir"):
         raise RequestError(
-            f"--rays {plan.inputs.rays}: a simulation always traces the slanted rays",
+            f"a plan with --rays {plan.inputs.rays} cannot be simulated, because a simulation always "
+            "traces the slanted rays",
             "simulate the plan with --rays nadir",
         )
     above = plan.scene.above(plan.inputs.focal_height_m)
     settings = settings._replace(forest=_forest(plan, settings))
     if settings.occluders != "cubes" and settings.forest not in OF_OCCLUDERS:
         raise RequestError(
-            f"--occluders {settings.occluders} with --forest {settings.forest}",
+            f"--occluders {settings.occluders} cannot be used with --forest {settings.forest}",
             f"give --occluders only with the generated forests {', '.join(OF_OCCLUDERS)}",
         )
     if above is None or plan.coverage is None:
@@ -383,7 +384,7 @@ def _forest(plan: Plan, settings: Settings) -> str:
         )
     if forest == "uniform" and plan.scene.kind != "uniform":
         raise RequestError(
-            f"--forest uniform, but scene '{plan.scene.name}' has layers",
+            f"--forest uniform cannot be used for scene '{plan.scene.name}', because this scene has layers",
             "give --forest layered or clumped",
         )
     return forest

@@ -65,8 +65,8 @@ def _parsed(name: str, value: Any, place: str) -> Any:
     found = BY_NAME[name].parse(value, place)
     if (name, found) == ("grid", GUIDED):
         raise RequestError(
-            f"{place} guided: a sweep does not choose positions for one place",
-            "aosplan plan --grid guided does, one request at a time",
+            f"{place} guided is not possible, because a sweep does not choose positions for one place",
+            "use aosplan plan --grid guided for a single request",
         )
     if (
         name == "within"
@@ -74,7 +74,8 @@ def _parsed(name: str, value: Any, place: str) -> Any:
         or (name == "altitude" and isinstance(found, str))
     ):
         raise RequestError(
-            f"{place} {shown(value)}: a sweep cannot search for plans within a time",
+            f"{place} {shown(value)} is not possible, because a sweep cannot search for plans within "
+            "a time",
             "use aosplan plan --within for a single request; a sweep with find computes the "
             "probability of detection of each row",
         )

@@ -184,7 +184,8 @@ def pose(matrix: Any, place: str) -> tuple[NDArray[np.float64], NDArray[np.float
     if not off < ROTATION_TOLERANCE or np.linalg.det(rotation) < 0.0:
         raise RequestError(
             f"{place}: the left 3 x 3 of M3x4 is not a rotation",
-            "M3x4 is [R|t], world to camera, with lengths in metres in t alone",
+            "M3x4 is [R|t], which transforms world coordinates to camera coordinates; R has no unit, "
+            "and t is in metres",
         )
     if np.abs(translation).max() > FARTHEST_M:
         raise RequestError(f"{place}: the camera is more than {FARTHEST_M:g} m from the origin")

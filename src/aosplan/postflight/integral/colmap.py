@@ -80,7 +80,8 @@ def _lines(path: str) -> Iterator[tuple[int, str]]:
             yield from enumerate((line.strip() for line in file), 1)
     except FileNotFoundError:
         raise RequestError(
-            f"no file '{path}'", "a COLMAP reconstruction is the folder with both text files"
+            f"there is no file '{path}'",
+            "give the folder of a COLMAP reconstruction, which contains the files of cameras and images",
         ) from None
     except UnicodeDecodeError as error:
         raise RequestError(f"'{path}' is not UTF-8 text (byte {error.start})") from None

@@ -100,7 +100,7 @@ class ImageFolder:
         try:
             found = sorted(os.listdir(path))
         except (FileNotFoundError, ValueError):
-            raise RequestError(f"no folder '{path}'") from None
+            raise RequestError(f"there is no folder '{path}'") from None
         except NotADirectoryError:
             raise RequestError(
                 f"'{path}' is not a folder", "give the folder of the images as IMAGES"
@@ -157,7 +157,7 @@ class ImageFolder:
                 "leave only one of them in the folder",
             )
         raise RequestError(
-            f"no image '{name}' in '{self.path}'", nearest_hint(name, self._names[:2000])
+            f"there is no image '{name}' in '{self.path}'", nearest_hint(name, self._names[:2000])
         )
 
 

@@ -262,7 +262,7 @@ def _posed(
         raise RequestError(
             f"'{poses}' contains poses, but the folder of the images is missing"
             if os.path.exists(poses)
-            else f"no folder '{poses}'",
+            else f"there is no folder '{poses}'",
             f"aosplan integrate {poses} IMAGES" if os.path.exists(poses) else "",
         )
     if poses.lower().endswith(".geojson"):

@@ -62,8 +62,8 @@ class DensityFigure(NamedTuple):
         first, weighted, last = self.hidden_pulses
         return (
             f"{text} Of the energy of the laser {_slanted(self)}, {weighted:.3g} does not "
-            f"reach the ground ({first:.3g} if the first returns had all of it, {last:.3g} "
-            "if the last returns had all of it)."
+            f"reach the ground ({first:.3g} if all energy were in the first returns, {last:.3g} "
+            "if all energy were in the last returns)."
         )
 
     def document(self) -> dict[str, Any]:

@@ -78,7 +78,7 @@ def check_columns(names: Sequence[str], choice: ColumnChoice, *, flags: str = "-
     x, y, value, by = choice
     if value is not None and (x is None or y is None):
         raise RequestError(
-            f"{flags}value is given without {flags}x and {flags}y",
+            f"{flags}value needs {flags}x and {flags}y",
             f"give {flags}x and {flags}y as well, because a map needs two inputs",
         )
     known = ("x", x or DEFAULT_X), ("y", y or DEFAULT_Y), ("value", value), ("by", by)

@@ -90,15 +90,15 @@ def detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         yield (
             "",
             (
-                f"this is for a place that {samples} photos see; --detection-map computes the mean "
-                "of the area"
+                f"this probability is for a place that is in {samples} photos; --detection-map "
+                "computes the mean over the area"
             ),
         )
     contrast, offset, crowns = found.signature
     assumed = f"assumed signature {found.assumed}: " if found.assumed else ""
     yield "", f"{assumed}contrast {contrast:g}, canopy offset {offset:+g}, crown share {crowns:.0%}"
     curve = [f"{at:g}: {share:.0%}" for at, share in found.curve if abs(at) in CURVE_SHOWN]
-    yield "", "found at contrast " + ", ".join(curve)
+    yield "", "share found by contrast: " + ", ".join(curve)
 
 
 def detection_text(plan: Plan) -> str:
@@ -145,12 +145,12 @@ def search_map_texts(found: DetectionMap, success: SearchSuccess | None) -> list
     lines = [
         (
             f"{found.mean:.1%} on average over the {ground} "
-            f"({found.cells.area_m2 / 1e4:.3g} ha). On average, {photos['mean']:.3g} "
-            f"photos see a place ({photos['least']} to {photos['most']})."
+            f"({found.cells.area_m2 / 1e4:.3g} ha). A place is in {photos['mean']:.3g} photos on "
+            f"average ({photos['least']} to {photos['most']})."
         )
     ]
     if document["unseen_share"] > 0.0:
-        lines.append(f"No photo sees {document['unseen_share']:.1%} of this ground.")
+        lines.append(f"No photo shows {document['unseen_share']:.1%} of this ground.")
     if found.sweep_width_m is not None:
         lines.append(f"The line has a sweep width of {found.sweep_width_m:.3g} m.")
     if success is not None:
@@ -191,7 +191,7 @@ def row_text(row: WithinRow, objective: str) -> tuple[str, str]:
     along_m, across_m = shape.along * way.altitude_m, shape.across * way.altitude_m
     value = OBJECTIVE_TEXTS[objective].format(abs(row.value))
     how = "while flying" if way.inputs.flight.trigger == "distance" else "at stops"
-    flights = "" if row.timed.flights == 1 else f" in {row.timed.flights} flights"
+    flights = "" if row.timed.flights == 1 else f" and {row.timed.flights} flights"
     minutes = math.ceil(row.timed.time_s / 6.0) / 10.0
     apart = (
         f"{along_m:.1f}"
@@ -199,7 +199,7 @@ def row_text(row: WithinRow, objective: str) -> tuple[str, str]:
         else (f"{along_m:.1f} x {across_m:.1f}")
     )
     return (
-        f"{start}{value} with {row.timed.sites:,} photos {how}, {minutes:g} min{flights}",
+        f"{start}{value} with {row.timed.sites:,} photos {how}, in {minutes:g} min{flights}",
         f"{shape.samples} photos of each point, {apart} m apart, from {way.altitude_m:.4g} m",
     )
 
@@ -219,9 +219,9 @@ def guided_texts(guided: GuidedResult) -> list[str]:
     """
     return [
         "The positions were chosen with one half of the pulses, and V is predicted with the other "
-        f"half (with the first: {percent(guided.chosen_expected)}).",
+        f"half (with the half used for the choice: {percent(guided.chosen_expected)}).",
         f"V = {percent(guided.least_expected)} if there is dense foliage wherever no pulse has "
-        f"passed; {percent(guided.unseen_share)} of the area is in no photo.",
+        f"passed; no photo shows {percent(guided.unseen_share)} of the area.",
         *map(plain_text, guided.plain[:2]),
     ]
 
@@ -236,7 +236,7 @@ def plain_text(flight: PlainFlight) -> str:
     )
     return (
         f"{shape} {how}, {flight.time_s / 60.0:.1f} min: V = "
-        f"{percent(flight.prediction.expected)}, {percent(flight.unseen_share)} in no photo."
+        f"{percent(flight.prediction.expected)}; no photo shows {percent(flight.unseen_share)}."
     )
 
 
@@ -249,8 +249,8 @@ def position_rows(found: ReciprocalMap | None) -> Iterator[tuple[str, str]]:
     yield "", ""
     yield (
         "Positions",
-        f"a camera sees {percent(known['mean'])} of the {found.target_area_m2:.3g} m² on average; "
-        f"the best position, {east_m:.3g} m east and {north_m:.3g} m north, {percent(most)}",
+        f"a camera sees {percent(known['mean'])} of the {found.target_area_m2:.3g} m² on average, and "
+        f"{percent(most)} from the best position, {east_m:.3g} m east and {north_m:.3g} m north",
     )
 
 
@@ -278,7 +278,7 @@ def opacity_rows(opacity: dict[str, Any]) -> list[tuple[str, str]]:
         ("Gaps", f"{weighted} of the pulses' energy reaches the ground ({energy})"),
         (
             "",
-            f"{first} if the first return of each pulse had all of its energy, {last} if the "
+            f"{first} if the first return of each pulse had all energy, {last} if the "
             "last return had",
         ),
         (

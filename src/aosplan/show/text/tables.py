@@ -140,7 +140,7 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     measured = f"{near}{targets.get(plan.edges or '', '')}"
     if plan.reading == "slices":
         rule = (
-            ", in slices one occluder thick, because b is below the baseline of the coverage rule"
+            ", in slices one occluder thick, because b is smaller than the coverage rule requires"
         )
     yield "Model", plan.model + {"uniform": rule, "measured": measured}.get(plan.model, "")
     yield "", ""
@@ -268,7 +268,7 @@ def _area_rows(survey: Survey) -> Iterable[tuple[str, str]]:
         f"of it covered from {survey.sites:,} sites",
     )
     over = (
-        f"; the path is {survey.length_m / survey.shortest_m:.3g} times as long as a lower bound"
+        f"; the path is at most {survey.length_m / survey.shortest_m:.3g} times as long as the shortest path"
         if survey.shortest_m
         else ""
     )
@@ -404,7 +404,7 @@ def print_simulation(
     verdict = [f"Predicted and simulated {agree}"]
     verdict += [f"  {difference}" for difference in simulation.differences]
     if simulation.as_flown:
-        verdict += ["For the slanted rays of the photos, some values of the plan do not hold:"]
+        verdict += ["Some values of the plan are not valid for the slanted rays of the photos:"]
         verdict += [f"  {difference}" for difference in simulation.as_flown]
     if similar:
         single, integral = similar["similarity"].values()
