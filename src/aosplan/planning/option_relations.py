@@ -352,9 +352,7 @@ def check_grid(values: Mapping[str, Any]) -> None:
     if grid == "spiral" and over_area:
         raise RequestError("--grid spiral cannot be repeated over an --area", "give --grid lanes")
     if values["line_length"] is not None and grid != "line":
-        raise RequestError(
-            f"--line-length cannot be used with --grid {grid}", "give --grid line as well"
-        )
+        raise RequestError(f"--line-length cannot be used with --grid {grid}", "give --grid line")
 
 
 def given_flags(values: Mapping[str, Any], names: Collection[str]) -> list[str]:
@@ -487,9 +485,8 @@ def check_search(values: Mapping[str, Any]) -> None:
     for name, reason in NOT_SEARCHED.items():
         if values[name]:
             flag = "--" + name.replace("_", "-")
-            raise RequestError(
-                f"{flag} cannot be used with {which}, because {reason}", f"leave {flag} out"
-            )
+            problem = f"{flag} cannot be used with {which}, because {reason}"
+            raise RequestError(problem, f"leave {flag} out")
     if values["grid"] == "spiral":
         raise RequestError(
             f"--grid spiral cannot be used with {which}, because the search does not include "
