@@ -1,8 +1,8 @@
 """Make the two pictures of the README:  python examples/readme/run.py
 
 `beneath.png` shows one photo beside the integral of a plan's photos; `agreement.png` compares the
-models with simulations.  All random numbers are from fixed seeds.  It needs the extras `figures`
-and `pictures`.
+models with simulations.  All random numbers are from fixed seeds.  The script needs the extras
+`figures` and `pictures`.
 """
 
 import sys

@@ -3,11 +3,11 @@
     python examples/tutorial/fly.py plan.json photos --miss 4
     python examples/tutorial/fly.py plan.json photos --stand stand.laz --yaw-bias 3 --height-error 2
 
-It writes one JPEG for each waypoint of the plan.  The recorded positions have errors with a
+The script writes one JPEG for each waypoint of the plan.  The recorded positions have errors with a
 standard deviation of half a metre along each axis.  The last sites can be left out, as if the
 battery had been empty.  The photos are uniformly grey.  With a stand, they show a chart below the
-stand, and the compass and the barometer may have errors.  It needs the extra pictures, and lidar
-for a stand.
+stand, and the compass and the barometer may have errors.  The script needs the extra pictures, and
+the extra lidar if a stand is given.
 """
 
 import argparse

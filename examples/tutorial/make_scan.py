@@ -1,9 +1,9 @@
-"""A scan of a small stand with a location, the same in every run.
+"""Writes a laser scan of a small stand with a location.  The scan is the same in every run.
 
     python examples/tutorial/make_scan.py scan.laz
 
 A drone's laser scanner flies over 16 x 16 m of trees up to 9 m high, in three lines.  The pulses have
-up to five returns, and the cloud is in UTM zone 33 north.  It needs the extra lidar.
+up to five returns, and the cloud is in UTM zone 33 north.  The script needs the extra lidar.
 """
 
 import sys

@@ -2,9 +2,9 @@
 
     python examples/tutorial/make_stand.py stand.laz
 
-It has 40 x 40 m of trees up to 20 m high on a gentle slope, and classified ground.  There are 40
-points per square metre of ground, and one point in each cube of 0.25 m that contains leaves or
-wood.  It needs the extra lidar.
+The stand is 40 x 40 m large.  Its trees are up to 20 m high, and its ground is a gentle slope, whose
+points are classified.  There are 40 points per square metre of ground, and one point in each cube of 0.25 m that contains leaves or
+wood.  The script needs the extra lidar.
 """
 
 import sys

@@ -2,9 +2,9 @@
 
     python examples/tutorial/record.py plan.json stand.laz recording
 
-It has one vertical photo for each waypoint, with 12.5 cm per pixel.  The plan is centred on the
+The recording has one vertical photo for each waypoint, with 12.5 cm per pixel.  The plan is centred on the
 stand.  Rays are traced through the stand's voxels.  Poses are written in the format of the AOS
-project.  It needs the extras lidar and pictures.
+project.  The script needs the extras lidar and pictures.
 """
 
 import json

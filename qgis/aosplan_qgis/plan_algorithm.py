@@ -52,9 +52,9 @@ class PlanAlgorithm(QgsProcessingAlgorithm):
     def shortHelpString(self):
         return (
             "Plans the photos of airborne optical sectioning over an area, or around a point.\n"
-            "Each parameter is the option of 'aosplan plan' with the same name, and an empty one "
-            "keeps the option's default. Any other option can be given under Advanced "
-            "parameters. Warnings of aosplan appear in the log: read them before you fly."
+            "Each parameter is the option of 'aosplan plan' with the same name. If a parameter is "
+            "empty, the default of this option is used. Any other option can be given under "
+            "Advanced parameters. Warnings of aosplan appear in the log. Read them before you fly."
         )
 
     def initAlgorithm(self, configuration=None):

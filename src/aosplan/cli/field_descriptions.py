@@ -278,7 +278,7 @@ FIELD_DESCRIPTIONS = {
     # Scenes
     "integrated_density": "p: share of the ground that one photo from straight above does not see.",
     "SceneDocument.density": "D: share of each slice that occluders fill.",
-    "LayerDocument.density": "Share of the slice that blocks a vertical ray.",
+    "LayerDocument.density": "Share of the vertical rays that the slice blocks.",
     "occluder_size_m": "o: edge length of an occluder.",
     "volume_base_m": "Height of the volume's base above ground.",
     "volume_height_m": "l: thickness of the volume.",

@@ -221,8 +221,8 @@ COMMAND = command(
         text_option(
             "--max-targets",
             "N",
-            "Number of simulated targets at which the simulation stops, even without the "
-            "--precision.  [100000000]",
+            "Number of simulated targets at which the simulation stops, even if it has not "
+            "reached --precision.  [100000000]",
             "Simulation",
         ),
         text_option(

@@ -125,7 +125,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("canopy_offset", parse.radiance, "number", "M",
          "Mean radiance of the canopy minus that of the ground, in the unit of --contrast."),
         ("crown_share", q.share, "share", "X",
-         "Share of the variance of the canopy's radiance that lies between crowns."),
+         "Share of the variance of the canopy's radiance that comes from differences between crowns."),
         ("false_alarms", parse.false_alarms, "number", "N",
          "Allowed false alarms per hectare, for --find.  [default]"),
     ),
@@ -199,7 +199,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
          "below one grid (perspective).  [telecentric]"),
         ("edges", q.one_of(parse.EDGES), "text", "HOW",
          "Measured model: count the targets whose rays stay on the plot (interior), all "
-         "targets (wrapped), or as fits the plot (auto).  [auto]"),
+         "targets (wrapped), or the interior targets if they are enough (auto).  [auto]"),
         ("rays", q.one_of(RAYS), "text", "KIND",
          "Uniform and layered models: vertical rays (nadir), slanted rays (oblique), or "
          "slanted rays through cubes (cubes).  [nadir]"),
@@ -312,7 +312,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
          "Unit of the elevation model's heights, instead of the unit in the file: m, ft, "
          "us-ft."),
         ("terrain_tolerance", parse.length, "number", "M",
-         "How much closer to the ground than planned the path between two sites may come.  "
+         "Distance by which the path between two sites may come closer to the ground than planned.  "
          "[default]"),
         ("altitude_frame", q.one_of(FRAMES), "text", "FRAME",
          "Reference of the heights in mission files: takeoff, or terrain (the autopilot "

@@ -439,7 +439,7 @@ def _check_model(name: str, kind: str, request: PlanRequest) -> None:
     if name == "measured" and kind != "cloud":
         raise RequestError(
             "--model measured needs the voxels of a point cloud",
-            "give --scene FILE.laz, FILE.npz or a file of scene --save, or another --model",
+            "give a point cloud or a file that aosplan scene --save wrote, or give another --model",
         )
     if request.edges is not None and name != "measured":
         raise RequestError(

@@ -289,15 +289,16 @@ class Plan:
 
         if self.inputs.objective == "detection":
             raise RequestError(
-                "a trade-off needs a target and the objective samples, aperture or time, not "
-                "--optimize detection",
-                "plan --within MIN shows the plans for half the time and twice the time; "
-                "tradeoff --find person shows the probability of detection of every row",
+                "a trade-off is not possible with --optimize detection, because it needs a target and "
+                "one of the objectives samples, aperture and time",
+                "aosplan plan --within MIN shows plans for several flight times; aosplan tradeoff "
+                "--find person shows the probability of detection of every row",
             )
         if self.guided is not None:
             raise RequestError(
-                "--grid guided has no trade-off: its positions are chosen for one place",
-                "plan shows the plain grids of the same time",
+                "a trade-off is not possible with --grid guided, because its positions are chosen for "
+                "one place",
+                "aosplan plan shows the plain grids that take the same time",
             )
         if self.problem is None:
             raise RequestError(

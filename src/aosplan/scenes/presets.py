@@ -291,7 +291,7 @@ SCENES: dict[str, ScenePreset] = {
             "Strasburger's Plant Sciences, p. 1070)"
         ),
         assumed=(
-            "wood area index 0.75, between the two; no clumping; wood at the heights of the "
+            "wood area index 0.75, between the two values of the sources; no clumping; wood at the heights of the "
             "leaves; occluder size 0.10 m (limbs and bundles of twigs); projection 0.5 (branches "
             "in all directions)"
         ),

@@ -147,7 +147,7 @@ class VoxelVolume:
             raise RequestError(f"{where}: slice_m {self.slice_m:g} is not a positive number")
         others = [*(self.bounds or ()), *(each for half in self.halves or () for each in half)]
         if any(other.shape != shape or other.dtype != np.bool_ for other in others):
-            raise RequestError(f"{where}: the bounds do not have its shape")
+            raise RequestError(f"{where}: the bounds or halves do not have the shape of the volume")
 
     def of_voxels(self, occupied: NDArray[np.bool_]) -> VoxelVolume:
         """The same volume with other voxels, and without bounds and halves."""

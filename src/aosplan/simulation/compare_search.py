@@ -197,8 +197,8 @@ def _searches(plan: Plan, forest: str, seed: int, forests: int) -> Iterator[Sear
         raise RequestError("--forest cloud needs the voxels of a point cloud")
     if forest not in ("clumped", "cloud"):
         raise RequestError(
-            f"--forest {forest}: give --forest uniform, layered, clumped or cloud",
-            "noise patterns have no ground on which targets could lie",
+            f"targets cannot be simulated with --forest {forest}, because noise patterns have no ground",
+            "give --forest uniform, layered, clumped or cloud",
         )
     for index in range(forests):
         volume, height = plan.volume, plan.request.focal_height

@@ -114,7 +114,9 @@ def visibility_of(plan: Plan) -> VisibilityFigure:
     """
     problem, solution = plan.problem, plan.solution
     if plan.guided is not None:
-        raise RequestError("--grid guided has no curves: its positions are chosen for one place")
+        raise RequestError(
+            "curves cannot be drawn for --grid guided, because its positions are chosen for one place"
+        )
     if problem is None:
         raise RequestError("no occluder is above the focal plane, so one photo shows everything")
     requirement, prediction = problem.requirement, solution.prediction

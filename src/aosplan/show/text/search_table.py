@@ -28,7 +28,7 @@ def print_search(found: SearchComparison) -> None:
     ):
         table.add_row(one_line(f"at least {share:.0%} seen"), *_percents(*numbers))
     what = (
-        f"the cloud with {found.forests} draws of radiances"
+        f"the cloud with {found.forests} random sets of radiances"
         if found.forest == "cloud"
         else f"{found.forests} {found.forest} forests"
     )
