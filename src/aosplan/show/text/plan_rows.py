@@ -98,7 +98,7 @@ def detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     assumed = f"assumed signature {found.assumed}: " if found.assumed else ""
     yield "", f"{assumed}contrast {contrast:g}, canopy offset {offset:+g}, crown share {crowns:.0%}"
     curve = [f"{at:g}: {share:.0%}" for at, share in found.curve if abs(at) in CURVE_SHOWN]
-    yield "", "share found by contrast: " + ", ".join(curve)
+    yield "", "share found at contrast " + ", ".join(curve)
 
 
 def detection_text(plan: Plan) -> str:
@@ -112,7 +112,7 @@ def detection_text(plan: Plan) -> str:
     rate = "one false alarm" if alarms == 1.0 else f"{alarms:g} false alarms"
     return (
         f"of 100 {who} lying there, {_of_a_hundred(detection.probability, 'about ')} would be found "
-        f"at {rate} per hectare; {_of_a_hundred(detection.unseen)} of them are nearly unseen"
+        f"at {rate} per hectare; {_of_a_hundred(detection.unseen)} of the 100 are almost completely hidden"
     )
 
 
@@ -221,7 +221,7 @@ def guided_texts(guided: GuidedResult) -> list[str]:
         "The positions were chosen with one half of the pulses, and V is predicted with the other "
         f"half (with the half used for the choice: {percent(guided.chosen_expected)}).",
         f"V = {percent(guided.least_expected)} if there is dense foliage wherever no pulse has "
-        f"passed; no photo shows {percent(guided.unseen_share)} of the area.",
+        f"passed; {percent(guided.unseen_share)} of the area is in no photo.",
         *map(plain_text, guided.plain[:2]),
     ]
 
@@ -236,7 +236,7 @@ def plain_text(flight: PlainFlight) -> str:
     )
     return (
         f"{shape} {how}, {flight.time_s / 60.0:.1f} min: V = "
-        f"{percent(flight.prediction.expected)}; no photo shows {percent(flight.unseen_share)}."
+        f"{percent(flight.prediction.expected)}; {percent(flight.unseen_share)} of the area is in no photo."
     )
 
 
@@ -278,8 +278,8 @@ def opacity_rows(opacity: dict[str, Any]) -> list[tuple[str, str]]:
         ("Gaps", f"{weighted} of the pulses' energy reaches the ground ({energy})"),
         (
             "",
-            f"{first} if the first return of each pulse had all energy, {last} if the "
-            "last return had",
+            f"{first} if all energy of each pulse were in its first return, {last} if all energy were "
+            "in its last return",
         ),
         (
             "Sampled",
