@@ -52,7 +52,7 @@ def test_what_cannot_be_searched_is_refused():
     planned = plan(PlanRequest(**SCENE, **FLOWN, **OWN))
     with pytest.raises(RequestError, match="voxels of a point cloud"):
         compare_search(planned, forest="cloud")
-    with pytest.raises(RequestError, match="give --forest uniform, layered, clumped or cloud"):
+    with pytest.raises(RequestError, match="because noise patterns have no ground"):
         compare_search(planned, forest="noise")
 
 
