@@ -201,7 +201,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
             1,
         )
     finally:
-        if os.environ.get("AOSPLAN_UNITS") != units:  # `--units` is for one command.
+        if os.environ.get("AOSPLAN_UNITS") != units:  # `--units` applies to one command only.
             os.environ["AOSPLAN_UNITS"] = units or ""
     return status if isinstance(status, int) else 0
 

@@ -272,9 +272,9 @@ def sound_beams(
     """Read the usable pulses of the plot. Returns are cleaned and grouped, the directions of pulses
     are found, and pulses are selected.
 
-    In a sparse cloud, most voxels in the crowns contain no point by chance, so that voxels would
-    show far too little canopy.  The pulses are therefore also used if only their first returns are
-    present, and they are treated as vertical if their directions cannot be found.
+    In a sparse cloud, most voxels in the crowns contain no point by chance. Voxels with points
+    would therefore show far too little canopy. The pulses are therefore also used if only their
+    first returns are present, and they are treated as vertical if their directions cannot be found.
 
     Raises
     ------
