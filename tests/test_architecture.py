@@ -210,7 +210,7 @@ def test_the_public_names_are_pinned():
     ]
 
 
-def test_public_names_resolve_on_use_and_nothing_else_does():
+def test_only_public_names_are_resolved_on_use():
     for name in aosplan.__all__:
         assert getattr(aosplan, name) is not None
     assert set(dir(aosplan)) == set(aosplan.__all__)
@@ -226,7 +226,7 @@ def test_type_checkers_see_the_names_that_programs_see():
     assert seen == set(aosplan.__all__) - {"__version__"}
 
 
-def test_the_package_says_that_it_is_typed():
+def test_the_package_has_a_py_typed_marker():
     assert (SOURCE / "py.typed").exists()
 
 
@@ -337,7 +337,7 @@ def names_missed(path):
 
 
 @pytest.mark.parametrize("folder", ["benchmarks", "docs", "examples"])
-def test_scripts_take_names_that_exist(folder):
+def test_names_that_scripts_import_exist(folder):
     # Most scripts take too long for tests. Therefore only the names that they use are checked.
     scripts = sorted((Path(__file__).parents[1] / folder).rglob("*.py"))
     missed = [f"{path.name}:{line} {name}" for path in scripts for name, line in names_missed(path)]

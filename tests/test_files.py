@@ -135,7 +135,7 @@ def test_a_zero_byte_in_a_name_is_refused(folder):
     assert content_of(folder) == {}
 
 
-def test_a_name_that_is_too_long_leaves_nothing_behind(folder):
+def test_too_long_file_names_leave_no_files(folder):
     with pytest.raises(AosplanError):
         write_all({"a.csv": b"new", "n" * 300: b"new"})
     assert content_of(folder) == {}
@@ -162,7 +162,7 @@ FAILURES = [
 @pytest.mark.parametrize(
     ("module", "name", "error"), FAILURES, ids=[f"{n}-{errno.errorcode[e]}" for _, n, e in FAILURES]
 )
-def test_a_failure_of_the_machine_changes_no_file(
+def test_an_error_of_the_machine_changes_no_file(
     folder, monkeypatch, module, name, error, on, force
 ):
     if force:
@@ -177,7 +177,7 @@ def test_a_failure_of_the_machine_changes_no_file(
     assert content_of(folder) == before
 
 
-def test_a_disk_that_fills_while_writing_leaves_nothing(folder, monkeypatch):
+def test_a_disk_that_becomes_full_while_writing_leaves_no_files(folder, monkeypatch):
     real = os.fdopen
 
     def full(*arguments, **words):
@@ -227,7 +227,7 @@ def test_a_failed_rename_is_reported(folder, monkeypatch):
 
 
 @pytest.mark.parametrize("on", [1, 2])
-def test_an_interrupted_run_leaves_nothing(folder, monkeypatch, on):
+def test_an_interrupted_run_leaves_no_files(folder, monkeypatch, on):
     calls = []
 
     def interrupted(handle):

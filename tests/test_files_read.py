@@ -24,13 +24,13 @@ def refusing(error):
     return call
 
 
-def test_a_file_is_read_as_it_is(folder):
+def test_a_file_is_read_without_changes(folder):
     (folder / "a").write_bytes(b"\0\xff\r\n")
     assert read_bytes("a") == b"\0\xff\r\n"
 
 
 @pytest.mark.parametrize("name", ["no.toml", "no/no.toml", "file/x.toml", "\0", "", "n" * 5000])
-def test_a_file_that_is_not_there_is_an_error_of_one_line(folder, name):
+def test_a_missing_file_gives_one_error_line(folder, name):
     (folder / "file").write_bytes(b"")
     with pytest.raises(AosplanError) as caught:
         read_bytes(name)
@@ -55,7 +55,9 @@ READERS = [(read_bytes, "file"), (check_input, "file"), (read_canopy, "raster")]
 @pytest.mark.parametrize(
     "name", ["no", "it's", 'a "b"', 'it\'s "b"', "a\nb", "a\\b", "a\0b", "\x1b"]
 )
-def test_odd_names_are_quoted_alike_whatever_reads_them(folder, monkeypatch, read, what, name):
+def test_unusual_names_are_quoted_in_the_same_way_by_every_reader(
+    folder, monkeypatch, read, what, name
+):
     with pytest.raises(RequestError) as caught:
         read(name)
     assert caught.value.message == f"there is no {what} '{name}'"
@@ -147,7 +149,7 @@ def test_a_byte_order_mark_is_overlooked(folder, name):
 
 @pytest.mark.parametrize("name", ["a.toml", "a.json"])
 @pytest.mark.parametrize("content", ["altitude = 40 # é".encode("latin-1"), b"\x80"])
-def test_what_is_not_utf_8_is_refused_and_the_byte_is_named(folder, name, content):
+def test_content_that_is_not_utf_8_is_refused_with_its_byte(folder, name, content):
     (folder / name).write_bytes(content)
     with pytest.raises(RequestError, match=r"is not UTF-8 text \(byte \d+\)"):
         read_table(name)
@@ -165,7 +167,7 @@ def test_what_is_not_utf_8_is_refused_and_the_byte_is_named(folder, name, conten
         ("a.json", '{"altitude": 40} x', "line 1"),
     ],
 )
-def test_what_does_not_parse_is_refused_with_its_line(folder, name, text, place):
+def test_syntax_errors_are_refused_with_their_line(folder, name, text, place):
     (folder / name).write_text(text)
     with pytest.raises(RequestError) as caught:
         read_table(name)

@@ -102,7 +102,7 @@ def test_neighbours_are_a_baseline_apart_to_a_millimetre(place, heading, samples
 
 
 @pytest.mark.parametrize("place", PLACES.values(), ids=PLACES)
-def test_chords_agree_where_grids_are_small(place):
+def test_chords_between_sites_agree_for_small_grids(place):
     # For 2.8 m, arc and chord differ by 2e-14 m; coordinates have an error of 1e-8 m.
     sites = grid_at(place, 49, 2.8, 30.0)
     for one, other in neighbours(sites):
@@ -110,7 +110,7 @@ def test_chords_agree_where_grids_are_small(place):
 
 
 @pytest.mark.parametrize("place", PLACES.values(), ids=PLACES)
-def test_chords_agree_to_a_millimetre_where_grids_are_large(place):
+def test_chords_between_sites_agree_to_a_millimetre_for_large_grids(place):
     sites = grid_at(place, 81, 250.0, 75.0)
     for one, other in neighbours(sites):
         assert chord_m(sites[one], sites[other]) == pytest.approx(250.0, rel=0, abs=MILLIMETRE)

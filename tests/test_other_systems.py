@@ -15,7 +15,7 @@ from aosplan.sweeps.run import MOST_WINDOWS_WORKERS, workers_of
 ROOT = Path(__file__).parents[1]
 
 
-def test_a_folder_of_results_ends_in_a_slash_also_where_backslashes_separate(monkeypatch):
+def test_a_final_slash_marks_a_folder_result_on_windows_too(monkeypatch):
     assert is_folder("results.parquet/")
     monkeypatch.setattr(os, "sep", "\\")
     assert is_folder("C:/sweeps/results.parquet/")
@@ -30,7 +30,7 @@ def test_windows_has_at_most_61_workers(monkeypatch):
     assert workers_of(8) == 8
 
 
-def test_a_file_that_a_spreadsheet_holds_open_is_named_with_a_remedy(tmp_path, monkeypatch):
+def test_a_file_open_in_a_spreadsheet_is_named_with_a_remedy(tmp_path, monkeypatch):
     def refuse(*_names):
         error = PermissionError(errno.EACCES, "The process cannot access the file")
         error.winerror = 32

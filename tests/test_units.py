@@ -63,7 +63,7 @@ def test_numbers_may_carry_their_own_unit(text, value):
 
 
 @pytest.mark.parametrize("value", [40, 40.0, "40"])
-def test_a_number_is_a_float_whatever_it_was_written_as(value):
+def test_numbers_in_every_notation_become_floats(value):
     result = q.number(value, "x")
     assert result == 40.0
     assert type(result) is float
@@ -72,7 +72,7 @@ def test_a_number_is_a_float_whatever_it_was_written_as(value):
 @pytest.mark.parametrize(
     "text", ["", " ", "m", "e", "4 0", "--5", "0x28", "1,5", "1_000", "4_0m", "40 parsecs", "40%"]
 )
-def test_what_is_not_a_number_is_refused(text):
+def test_values_that_are_not_numbers_are_refused(text):
     error = refusal(q.number, text, "--altitude", "m")
     assert error.message == f"--altitude '{text.strip()}' is not a finite number"
     assert error.hint == "give a number of metres"
@@ -259,7 +259,7 @@ def test_a_place_has_finite_numbers(value):
 
 
 @pytest.mark.parametrize("tiny", [1e-12, -1e-15, "1e-13", 5e-324])
-def test_angles_may_be_as_small_as_rounding_leaves_them(tiny):
+def test_tiny_angles_from_rounding_are_accepted(tiny):
     # A script may compute 1e-15 degrees instead of 0.
     assert q.latitude_longitude((tiny, tiny), "--origin") == (float(tiny), float(tiny))
     assert q.number(tiny, "--heading", "deg") == float(tiny)
@@ -337,7 +337,7 @@ def test_the_result_does_not_depend_on_blanks_around(name, value):
         assert padded == plain
 
 
-def test_a_flag_is_true_or_false_and_nothing_else():
+def test_flags_accept_only_true_and_false():
     assert [q.flag(value, "--x") for value in (True, "true", "False", False)] == [
         True,
         True,

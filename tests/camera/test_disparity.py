@@ -254,7 +254,7 @@ def test_the_camera_does_not_matter_until_occluders_are_smaller_than_a_pixel(
     )
 
 
-def test_below_a_pixel_the_disparity_has_to_reach_one_pixel():
+def test_occluders_below_one_pixel_need_a_disparity_of_one_pixel():
     """Occluders of 1 cm at a height of 10 m, seen from 50 m with 2000 px: a pixel is 2 cm there."""
     slab = (Slab(10.0 - 1e-9, 10.0 + 1e-9, 0.01, 1.0),)
     found = coverage_baseline(slab, 50.0, 2000.0, 0.98)

@@ -269,7 +269,7 @@ def test_fish_completes(program, files, line, wanted):
 
 
 @needs("fish")
-def test_fish_shows_what_candidates_mean(program, files):
+def test_fish_shows_descriptions_of_candidates(program, files):
     code = f"source {script('fish', files)}; complete -C 'aosplan plan --alt'"
     done = subprocess.run(
         ["fish", "--no-config", "-c", code], check=True, capture_output=True, text=True

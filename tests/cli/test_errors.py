@@ -182,7 +182,7 @@ cameras extra
 
 
 @pytest.mark.parametrize("line", BAD)
-def test_a_bad_command_line_is_one_error_and_writes_nothing(folder, command, line):
+def test_a_wrong_command_line_gives_one_error_and_no_files(folder, command, line):
     check_refusal(*command(*shlex.split(line)))
     assert list(folder.iterdir()) == []
 
@@ -255,7 +255,7 @@ def test_the_samples_that_a_hint_names_are_enough(command):
         assert status == 0, err
 
 
-def test_a_hint_never_asks_for_more_than_one_plan_may_have(command):
+def test_hints_never_suggest_more_samples_than_a_plan_may_have(command):
     _, _, err = command("plan", "--altitude", "40", "--vhat", "0.9999999")
     assert "is enough, with 10000000 samples" not in err
 

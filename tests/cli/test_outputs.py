@@ -24,7 +24,7 @@ def test_out_writes_a_file_and_reports_it(folder, command):
     assert {path.name for path in folder.iterdir()} == {"a.csv", "b.geojson"}
 
 
-def test_out_with_json_prints_one_document_and_writes(folder, document):
+def test_out_with_json_prints_one_document_and_writes_the_file(folder, document):
     result = document("plan", "--altitude", "40", "--out", "a.csv")
     rows = list(csv.DictReader(io.StringIO((folder / "a.csv").read_text())))
     assert len(rows) == result["samples"]
@@ -89,7 +89,7 @@ def test_an_infeasible_plan_leaves_no_file(folder, command):
     assert list(folder.iterdir()) == []
 
 
-def test_a_full_disk_is_status_1_and_leaves_nothing(folder, command, monkeypatch):
+def test_a_full_disk_gives_status_1_and_leaves_no_files(folder, command, monkeypatch):
     def full(handle):
         raise OSError(28, "No space left on device")
 

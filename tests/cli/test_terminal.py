@@ -42,7 +42,7 @@ def test_a_terminal_without_unicode_gets_plain_text(environment, lines, folder):
     check_refusal(done.returncode, done.stdout.decode(), done.stderr.decode("latin-1"))
 
 
-def test_json_is_utf_8_whatever_the_terminal():
+def test_json_is_utf_8_on_every_terminal():
     plain = process("plan", "--altitude", "40", "--json", PYTHONIOENCODING="ascii")
     assert plain.stdout == process("plan", "--altitude", "40", "--json").stdout
     assert "d̂ ≥ 1" in process("schema", "request", PYTHONIOENCODING="ascii").stdout.decode()

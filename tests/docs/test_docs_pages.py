@@ -39,7 +39,7 @@ def opened(request, chromium):
     context.close()
 
 
-def test_pages_load_nothing_from_elsewhere_and_fit_their_width(opened):
+def test_documentation_pages_load_no_external_files_and_fit_their_width(opened):
     page, faults = opened
     for path in PAGES:
         page.goto(path.as_uri())

@@ -61,7 +61,7 @@ def test_the_first_block_of_the_readme_has_two_commands():
     assert "pytest" in lines[1]
 
 
-def test_the_python_of_the_readme_prints_what_its_comments_say(tmp_path, monkeypatch):
+def test_the_python_code_of_the_readme_prints_its_commented_output(tmp_path, monkeypatch):
     (code,) = blocks("python")
     monkeypatch.chdir(tmp_path)
     printed = io.StringIO()

@@ -45,7 +45,7 @@ def planned(values):
 
 @settings(max_examples=120)
 @given(values=requests)
-def test_flights_partition_the_sites_and_none_outlasts_the_battery(values):
+def test_flights_contain_every_site_once_and_fit_the_battery(values):
     try:
         split = planned(values)
     except InfeasibleError:
@@ -171,7 +171,7 @@ def test_total_time_is_that_of_all_flights():
 
 @pytest.mark.parametrize("trigger", ["stop", "distance"])
 @pytest.mark.parametrize("at", [0, 1, 5, 17, 30, 48])
-def test_a_resumed_plan_takes_the_photos_that_are_left(trigger, at):
+def test_a_resumed_plan_takes_the_remaining_photos(trigger, at):
     values = {"altitude": 40, "trigger": trigger, "heading": 20}
     whole, resumed = (plan(PlanRequest(**values, resume_at=k)) for k in (None, at))
     left = [w for w in whole.waypoints if w.photo and w.index >= at]

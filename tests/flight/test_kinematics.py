@@ -170,7 +170,7 @@ def test_wind_from_the_north_blows_south():
     assert wind_mps(3.0, 120.0, heading_deg=120.0) == pytest.approx((-3.0, 0.0))
 
 
-def test_a_drone_holds_its_ground_speed_while_the_air_lets_it():
+def test_a_drone_keeps_its_ground_speed_up_to_the_airspeed_limit():
     calm = Timing(5.0)
     light = Timing(5.0, wind=wind_mps(8.0, 0.0), airspeed_mps=15.0)
     assert light.leg_s(30.0) == calm.leg_s(30.0)  # An airspeed of 13 m/s is possible.

@@ -276,7 +276,7 @@ def test_the_height_of_a_given_takeoff_is_read_from_the_terrain(sloped):
     assert to_local(LINZ, [lat], [lon])[0][0] == pytest.approx(east, abs=1e-6)
 
 
-def test_heights_without_a_takeoff_say_where_to_take_off(hilly):
+def test_without_a_takeoff_a_warning_says_where_to_take_off(hilly):
     result = planned(terrain=hilly, flight_time=2)
     first = result.waypoints[0]
     (warning,) = [w.message for w in result.warnings if w.code == "takeoff_assumed"]

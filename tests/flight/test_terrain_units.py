@@ -75,7 +75,7 @@ def test_pixels_of_web_mercator_are_as_long_as_on_the_ground(tmp_path):
         assert terrain.pixel_m == pytest.approx(2 * np.cos(np.radians(LINZ[0])), rel=0.004)
 
 
-def test_a_terrain_elsewhere_says_where_it_is(tmp_path):
+def test_the_error_for_a_distant_terrain_gives_its_location(tmp_path):
     path = saved(tmp_path / "linz.tif", surface(slope))
     with pytest.raises(RequestError, match="does not cover") as caught:
         planned(origin=(-33.8, 151.2), terrain=path)

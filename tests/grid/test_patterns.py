@@ -129,7 +129,7 @@ def rectangle_for_large(samples):
     return (side - 1, side) if side * (side - 1) >= samples else (side, side)
 
 
-def test_no_row_and_no_column_is_trimmed_away():
+def test_trimming_never_removes_a_whole_row_or_column():
     for samples in range(1, MOST + 1):
         pattern = pattern_for("trimmed", samples)
         sites = list(pattern.sites())

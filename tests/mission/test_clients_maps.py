@@ -86,7 +86,7 @@ def test_gdal_reads_both_documents_of_wpml(tmp_path, member):
 
 
 @pytest.mark.parametrize("name", MISSIONS)
-def test_kml_meets_the_ogc_schema(name, tmp_path):
+def test_kml_is_valid_by_the_ogc_schema(name, tmp_path):
     client("lxml.etree")
     client("fastkml")
     from fastkml import validator

@@ -220,7 +220,7 @@ def test_a_path_across_the_antimeridian_is_cut_there(longitude, grid, heading):
     assert set(flown) <= set(places)
 
 
-def test_a_cut_lies_on_the_straight_line_between_its_neighbours():
+def test_a_cut_at_the_antimeridian_is_on_the_line_between_its_neighbours():
     waypoints = (
         Waypoint(0, 0.0, 0.0, 40.0, 10.0, 179.9),
         Waypoint(1, 0.0, 0.0, 40.0, 13.0, -179.8),
@@ -411,7 +411,7 @@ def test_a_missing_folder_is_an_error(tmp_path):
         planned().write(tmp_path / "no" / "plan.csv")
 
 
-def test_a_disk_that_is_full_leaves_no_file(tmp_path, monkeypatch):
+def test_a_full_disk_leaves_no_file(tmp_path, monkeypatch):
     def full(handle):
         raise OSError(28, "No space left on device")
 
@@ -455,7 +455,7 @@ def test_export_writes_to_stdout(saved, capsys):
     assert capsys.readouterr().out.encode() == rendered(planned(origin=LINZ, heading=30.0), "csv")
 
 
-def test_a_saved_plan_without_a_place_exports_no_geojson(tmp_path, capsys):
+def test_a_saved_plan_without_a_location_is_not_exported_as_geojson(tmp_path, capsys):
     assert run(["plan", "--altitude", "40", "--json"]) == 0
     (tmp_path / "plan.json").write_text(capsys.readouterr().out)
     out = tmp_path / "plan.geojson"

@@ -185,7 +185,7 @@ def test_turning_points_take_no_photo_in_flight():
 
 @given(mission=missions)
 @settings(max_examples=60)
-def test_every_photo_lies_on_one_line_of_equal_steps(mission):
+def test_every_photo_is_on_exactly_one_line_of_equal_steps(mission):
     ways, spacing = mission.waypoints, mission.settings.spacing_m
     lines = photo_lines(mission)
     covered = [index for first, last in lines for index in range(first, last + 1)]
@@ -353,7 +353,7 @@ def test_a_saved_plan_with_invalid_flight_settings_is_refused(tmp_path, capsys, 
     assert not (tmp_path / "g.plan").exists()
 
 
-def test_formats_are_listed_with_what_they_need_and_hold(capsys):
+def test_formats_are_listed_with_requirements_and_limits(capsys):
     assert run(["formats", "--json"]) == 0
     listed = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
     assert set(listed) == set(formats())
@@ -366,7 +366,7 @@ def test_formats_are_listed_with_what_they_need_and_hold(capsys):
     assert "2 to 99" in shown
 
 
-def test_a_mission_without_a_place_is_written_as_csv_alone():
+def test_a_mission_without_a_location_is_written_only_as_csv():
     local = Mission(Waypoints([0.0], [0.0], [40.0]), {})
     for name, form in formats().items():
         if name == "csv":

@@ -47,7 +47,7 @@ def test_no_file_has_more_waypoints_than_its_limit(name, target, most):
             assert [len(READERS[name](content)) for content in contents] == sizes
 
 
-def test_ardupilot_files_keep_within_its_718_commands():
+def test_ardupilot_files_have_at_most_718_commands():
     for trigger, kind in itertools.product(("stop", "distance"), ("lanes", "spiral", "pairs")):
         mission = pairs(700) if kind == "pairs" else grid(711, kind=kind)
         mission = mission._replace(settings=mission.settings._replace(trigger=trigger))

@@ -188,7 +188,7 @@ def test_wpml_is_refused_without_a_known_drone_or_payload(camera, values, words,
     assert hint in caught.value.hint
 
 
-def test_a_camera_tells_its_drone_and_payload():
+def test_a_camera_determines_drone_and_payload():
     mission = grid()._replace(summary={"camera": {"name": "dji-m30t-thermal"}})
     (template, _) = documents_of(written(mission, "kmz")).values()
     assert texts(template, "droneEnumValue") == ["67"]

@@ -284,7 +284,7 @@ def test_a_distribution_keeps_its_moments(mean, variance, atom):
         assert 1.0 - seen.at_least(seen.quantile(part)) == pytest.approx(part, abs=1e-6)
 
 
-def test_a_counted_distribution_is_the_one_that_was_counted():
+def test_a_counted_distribution_has_the_counted_shares():
     shares = np.random.default_rng(5).beta(0.5, 2.0, 100_000)
     seen = SeenShare.counted(shares)
     assert seen.mean == pytest.approx(shares.mean())

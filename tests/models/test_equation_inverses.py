@@ -130,7 +130,7 @@ def test_only_floats_within_1_ulp_are_rounded_to_a_whole_sample_count(target):
 
 
 @pytest.mark.parametrize("samples", [2, 3, 10, 50, 100, 1000, 12_345])
-def test_a_float_further_than_1_ulp_above_asks_for_one_sample_more(samples):
+def test_a_float_more_than_1_ulp_above_needs_one_more_sample(samples):
     target = 1.0 - 1.0 / samples
     for _ in range(3):
         target = math.nextafter(target, 1.0)
@@ -202,7 +202,7 @@ def test_required_samples_of_known_targets(target, samples):
     ],
     ids=repr,
 )
-def test_a_target_that_is_no_share_below_1_is_refused_in_one_sentence_with_a_hint(target):
+def test_targets_that_are_not_shares_below_1_are_refused_with_a_hint(target):
     with pytest.raises(RequestError) as caught:
         required_samples(target)
     assert "V̂" in caught.value.message

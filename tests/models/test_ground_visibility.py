@@ -60,7 +60,7 @@ def test_mean_visibility_over_the_common_ground_is_below_that_at_its_middle():
     assert planned(grid="line", allow_no_common_ground=True).ground is None
 
 
-def test_a_target_beside_the_middle_of_a_stand_is_seen_from_the_other_side():
+def test_targets_beside_the_middle_use_positions_shifted_to_the_other_side():
     volume = clumped_forest(STANDS[next(iter(STANDS))])
     model = MeasuredModel(volume, 40.0, heading_deg=90.0)
     pattern = pattern_for("trimmed", 6)

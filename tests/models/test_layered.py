@@ -315,7 +315,7 @@ def is_written(value, text):
     return abs(value - float(text)) < 10.0 ** -len(text.partition(".")[2])
 
 
-def test_the_papers_baseline_gives_less_in_layers_than_in_one_volume():
+def test_the_papers_baseline_has_lower_visibility_in_layers_than_in_one_volume():
     model = LayeredModel(paper_forest().slices(), 50.0)
     prediction = model.predict(Pattern(7, 8), 3.5)
     assert 1 / 56 < prediction.shortfall < 0.02
@@ -405,7 +405,7 @@ def test_lengths_may_all_be_scaled():
     )
 
 
-def test_a_bound_is_no_worse_than_the_prediction_and_near_it():
+def test_the_fast_bound_is_near_and_not_below_the_prediction():
     layers = [Layer(1.0, 3.0, 0.1, 0.2), Layer(4.0, 9.0, 0.4, 0.5)]
     for hold_error in (0.0, 0.3):
         model = LayeredModel(layers, 50.0, hold_error_m=hold_error)

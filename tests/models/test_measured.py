@@ -73,7 +73,7 @@ def test_one_view_has_the_visibility_of_one_view(forest, view):
     assert elsewhere.density > model.density
 
 
-def test_views_from_one_place_are_one_view(forest):
+def test_views_from_one_place_equal_one_view(forest):
     model = MeasuredModel(forest, 50.0)
     same = model.predict(Pattern(4, 5), 0.0)
     assert same.shortfall == pytest.approx(1.0, rel=1e-14)

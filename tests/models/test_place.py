@@ -70,7 +70,7 @@ def test_targets_are_spread_evenly_over_the_place():
     assert views.targets_m.mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.1)
 
 
-def test_a_place_that_moves_with_the_stand_looks_the_same():
+def test_moving_place_and_stand_together_changes_nothing():
     stand, cells = volume(), (3, -4)
     moved = stand.of_voxels(np.roll(stand.occupied, cells, axis=(1, 2)))
     by = np.array([cells[1], cells[0]]) * VOXEL_M

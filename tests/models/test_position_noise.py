@@ -254,7 +254,7 @@ def test_visibility_still_rises_with_the_baseline_and_the_samples(which, hold_er
             assert within == sorted(within, reverse=True)
 
 
-def test_sites_on_no_lattice_are_summed_pair_by_pair():
+def test_scattered_sites_are_summed_pair_by_pair():
     # Both methods give the same result for the offsets of a lattice.
     lattice = Pattern(4, 5)
     assert scattered_shortfall(lattice.offsets(), 0.8, 0.6) == near(

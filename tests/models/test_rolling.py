@@ -28,7 +28,7 @@ def test_a_line_may_be_longer_than_its_integral():
     assert east[0] + east[-1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_integrals_are_what_a_line_of_as_many_photos_shows():
+def test_integrals_of_a_long_line_equal_lines_of_the_same_number_of_photos():
     plan = aosplan.plan(PlanRequest(**LONG_LINE, model="layered", speed=4))
     table = plan.layout.continuous.document()
     b = plan.solution.baseline_m

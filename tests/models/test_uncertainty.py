@@ -232,7 +232,7 @@ def test_clumps_that_pulses_do_not_resolve_are_those_of_the_benchmark():
             assert abs(off - getattr(part, name)) < least, name
 
 
-def test_apertures_at_several_places_add_what_differs_between_them():
+def test_the_variation_between_apertures_is_part_of_the_error():
     """If the fields differ only in their means, the error is the standard deviation of these
     means.
     """

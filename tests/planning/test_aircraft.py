@@ -116,6 +116,6 @@ def test_a_camera_of_another_drone_is_warned_of():
         ("px4-multicopter", "sony-a7r-ii-35mm", False),
     ],
 )
-def test_a_camera_that_no_drone_of_this_name_carries_is_warned_of(drone, camera, warned):
+def test_a_camera_that_the_drone_does_not_carry_gives_a_warning(drone, camera, warned):
     codes = {warning.code for warning in plan(request(drone=drone, camera=camera)).warnings}
     assert ("camera_of_another_drone" in codes) == warned

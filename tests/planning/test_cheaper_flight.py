@@ -27,14 +27,14 @@ def test_the_cheaper_flight_takes_the_time_in_its_hint():
     assert short.solution.prediction.normalized > 0.9 - 1e-3
 
 
-def test_an_area_of_too_many_sites_names_a_way_with_fewer():
+def test_the_error_for_too_many_sites_suggests_a_cheaper_flight():
     values = {"altitude": 40, "area": FIELD[1], "drone": "dji-m3t", "max_sites": 1000, "vhat": 0.9}
     with pytest.raises(RequestError, match="more than the 1000") as refused:
         plan(PlanRequest(**values))
     assert flown(refused.value.hint, **values).layout.survey.sites <= 1000
 
 
-def test_short_flights_have_no_such_warning():
+def test_short_flights_have_no_warning_about_cheaper_flights():
     short = plan(
         PlanRequest(
             altitude=40, area=FIELD[1], drone="dji-m3t", vhat=0.9, grid="line", trigger="distance"

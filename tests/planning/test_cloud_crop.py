@@ -61,7 +61,7 @@ def test_a_crop_is_a_rectangle_an_outline_or_all(tmp_path):
     assert crop.bounds == pytest.approx((*in_degrees(10, 10), *in_degrees(40, 40)), abs=1e-6)
 
 
-def test_a_plan_takes_what_a_photo_from_its_origin_shows_and_its_line():
+def test_a_plan_crops_the_cloud_to_the_ground_of_its_photos_and_line():
     request = PlanRequest(altitude=40.0, origin=(46.95, 15.0), scene="a.las")
     crop = crop_of_plan(request, None, (60.0, 80.0))
     west, south, east, north = crop.bounds

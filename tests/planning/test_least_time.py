@@ -46,7 +46,9 @@ def test_at_one_place_the_least_time_is_the_time_of_the_flight(rows, columns, ba
 
 @pytest.mark.parametrize(("trigger", "battery"), [("stop", 6.0), ("distance", None)])
 @pytest.mark.parametrize(("rows", "columns", "baseline"), GRIDS)
-def test_over_an_area_no_flight_takes_less(rows, columns, baseline, trigger, battery):
+def test_no_flight_over_an_area_takes_less_than_the_bound(
+    rows, columns, baseline, trigger, battery
+):
     request = request_of(
         rows, columns, baseline, trigger=trigger, area=FIELD[1], flight_time=battery
     )
@@ -60,7 +62,7 @@ def test_over_an_area_no_flight_takes_less(rows, columns, baseline, trigger, bat
     assert 0.6 * planned.route.total_time_s <= least <= planned.route.total_time_s
 
 
-def test_a_battery_that_does_not_last_for_the_way_there_is_no_flight():
+def test_a_battery_too_small_for_the_transit_gives_an_infinite_time():
     flight = resolve_inputs(request_of(1, 8, 3.0, flight_time=0.1)).flight
     lattice = FlownLines(1000, 10, (3.0, 6.0))
     assert least_time_s(flight, lattice, heading_deg=0.0, altitude_m=120.0) == math.inf

@@ -108,7 +108,7 @@ def test_a_heading_does_not_change_the_common_ground():
     assert planned(heading=33).common_footprint_m == planned().common_footprint_m
 
 
-def test_an_occluder_smaller_than_a_pixel_is_warned_of_and_counts_as_one_pixel():
+def test_occluders_below_one_pixel_give_a_warning_and_count_as_one_pixel():
     result = planned(altitude=300, allow_no_common_ground=True)
     assert "occluder_below_pixel" in codes(result)
     assert result.document()["disparity"]["occluder_pixels"] == 1.0
@@ -136,7 +136,7 @@ def test_the_baseline_in_the_warning_gives_a_disparity_of_one_pixel():
     assert "disparity_below_pixel" in codes(planned(baseline=0.999 * smallest, samples=50))
 
 
-def test_a_single_photo_has_no_disparity_to_warn_of():
+def test_a_single_photo_gives_no_warning_about_disparity():
     assert "disparity_below_pixel" not in codes(planned(baseline=0.01, samples=1, vhat=0.1))
     assert "disparity_below_pixel" in codes(planned(baseline=0.01, samples=2, vhat=0.1))
 
@@ -215,7 +215,7 @@ def test_the_clearance_counts_from_the_canopy_even_below_the_focal_plane():
     assert planned(altitude=1.6, focal_height=20.5).altitude_m == 1.6
 
 
-def test_a_resolution_that_asks_for_the_canopy_says_where_the_altitude_is_from():
+def test_an_altitude_in_the_canopy_computed_from_the_resolution_is_explained():
     with pytest.raises(RequestError, match="computed from the resolution"):
         plan(PlanRequest(gsd=0.02))
 
@@ -285,7 +285,7 @@ def test_above_the_canopy_a_single_photo_shows_everything(height):
 
 
 @pytest.mark.parametrize("name", ["density", "integrated_density"])
-def test_no_density_is_one_sample_a_warning_and_no_numbers_without_meaning(name):
+def test_density_zero_gives_one_sample_a_warning_and_no_undefined_numbers(name):
     result = planned(occluder_size=0.2, volume_height=18, **{name: 0})
     document = result.document()
     assert (document["samples"], document["samples_required"]) == (1, 1)
@@ -297,7 +297,7 @@ def test_no_density_is_one_sample_a_warning_and_no_numbers_without_meaning(name)
     json.dumps(document, allow_nan=False)
 
 
-def test_no_density_still_takes_the_samples_that_are_fixed():
+def test_density_zero_keeps_a_fixed_number_of_samples():
     result = planned(density=0, occluder_size=0.2, volume_height=18, samples=9, baseline=2)
     assert result.solution.pattern.samples == 9
     assert result.solution.baseline_m == 2
@@ -380,7 +380,7 @@ def test_layers_without_density_hide_nothing(tmp_path):
     assert codes(planned(scene=str(path))) == ["no_occluders"]
 
 
-def test_a_density_that_no_layer_explains_is_refused(tmp_path):
+def test_a_measured_density_without_dense_layers_is_refused(tmp_path):
     path = tmp_path / "odd.toml"
     layer = {"bottom_m": 2.0, "top_m": 9.0, "density": 0.0, "occluder_size_m": 0.2}
     table = {"name": "odd", "integrated_density": 0.5, "layers": [layer]}

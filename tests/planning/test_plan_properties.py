@@ -77,7 +77,7 @@ def test_flight_length_and_time_are_sums_over_the_waypoints(grid):
     assert result.document()["flight"]["time_s"] == pytest.approx(time, rel=1e-9)
 
 
-def test_a_single_waypoint_is_no_flight():
+def test_a_single_waypoint_has_length_zero_and_only_a_hold():
     flight = planned(vhat=0).document()["flight"]
     assert (flight["length_m"], flight["time_s"]) == (0.0, 1.0)
 
@@ -168,7 +168,7 @@ def test_evaluating_a_plan_again_meets_its_requirement(scene, options):
 
 @settings(max_examples=40)
 @given(scene=scenes, visibility=st.floats(0.01, 0.99))
-def test_absolute_targets_are_reached_or_refused_where_they_cannot_be(scene, visibility):
+def test_absolute_targets_are_reached_or_refused_if_impossible(scene, visibility):
     p = scene["integrated_density"]
     try:
         result = plan(
@@ -227,12 +227,12 @@ def test_files_of_a_request_are_found_in_its_folder(tmp_path, monkeypatch):
         plan(request)
 
 
-def test_a_request_keeps_what_was_assumed_for_it():
+def test_the_saved_request_contains_assumed_values():
     request = planned().request
     assert request == replace(PlanRequest(altitude=40), model="uniform", rays="nadir")
 
 
-def test_limits_name_what_bound_the_plan():
+def test_limits_of_a_plan_name_the_bounds_that_were_reached():
     quantities = Counter(limit.quantity for limit in planned(max_aperture=18.5).solution.limits)
     assert quantities["extent_m"] == 1
     assert all(count == 1 for count in quantities.values())

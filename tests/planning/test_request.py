@@ -100,7 +100,7 @@ def test_no_number_may_be_a_boolean_infinite_or_too_long(value):
 
 
 @pytest.mark.parametrize("heading", [1e-15, -1e-130, "1e-12"])
-def test_a_heading_may_be_as_small_as_rounding_leaves_it(heading):
+def test_tiny_headings_from_rounding_are_accepted(heading):
     assert PlanRequest(altitude=40, heading=heading).heading == float(heading)
 
 
@@ -282,7 +282,7 @@ def test_samples_stay_within_their_own_bound(samples, most, fits):
         assert "--max-samples" in refusal(**values).message
 
 
-def test_lanes_have_their_defaults_only_where_they_are_flown():
+def test_lane_options_have_defaults_only_for_lanes():
     lanes = PlanRequest(altitude=40, grid="lanes")
     assert (lanes.lanes, lanes.lane_pitch) == (3, 4.0)
     trimmed = PlanRequest(altitude=40)

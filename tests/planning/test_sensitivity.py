@@ -94,7 +94,7 @@ def test_layers_are_changed_one_by_one(tmp_path):
             check(found[quantity, factor], planned, options | {"scene": scene})
 
 
-def test_a_change_that_leaves_no_plan_says_why():
+def test_a_change_without_a_plan_has_a_reason():
     _, found = changes(altitude=40, max_aperture=20, max_samples=50)
     wide = found["height", 0.8]  # Lower occluders need a wider aperture.
     assert (wide.samples, wide.baseline_m) == (None, None)

@@ -85,7 +85,7 @@ def test_without_a_file_of_defaults_no_defaults_are_taken(request_of):
     )
 
 
-def test_a_plan_is_one_short_line(mine, request_of):
+def test_with_user_defaults_a_plan_needs_one_short_command(mine, request_of):
     found = request_of("--origin", "48,14")
     assert found["drone"] == "dji-m30t"
     assert found["camera"] == "dji-m30t-thermal"
@@ -155,7 +155,7 @@ def test_a_drone_on_the_line_brings_its_own_camera_and_speeds(folder, request_of
     assert both["speed"] == 4
 
 
-def test_a_request_file_lies_between_defaults_and_flags(mine, folder, request_of):
+def test_a_request_file_overrides_defaults_and_flags_override_both(mine, folder, request_of):
     (folder / "r.toml").write_text("altitude = 60\nhold = 3\n")
     assert request_of("r.toml")["altitude"] == 60
     assert request_of("r.toml")["drone"] == "dji-m30t"
@@ -163,7 +163,7 @@ def test_a_request_file_lies_between_defaults_and_flags(mine, folder, request_of
 
 
 @pytest.mark.parametrize("whole", [True, False])
-def test_an_earlier_result_takes_nothing_from_the_defaults(mine, folder, capsys, whole):
+def test_an_earlier_result_uses_no_user_defaults(mine, folder, capsys, whole):
     line = ["plan", "--altitude", "40", "--defaults", "none", "--json"]
     assert run(line) == 0
     first = json.loads(capsys.readouterr().out)
@@ -183,7 +183,7 @@ def test_defaults_that_do_not_apply_are_left_out(folder, request_of):
     assert (passing["max_blur"], passing["exposure_time"], passing["lanes"]) == (2, 0.02, 4)
 
 
-def test_files_that_defaults_name_lie_beside_them(folder, request_of):
+def test_files_named_in_defaults_are_found_beside_them(folder, request_of):
     (folder / "sub").mkdir()
     camera = {"focal_length_mm": 9.1, "sensor_width_mm": 7.68, "sensor_height_mm": 6.144}
     camera |= {"name": "mine", "image_width_px": 640, "image_height_px": 512}
@@ -278,7 +278,7 @@ def consistent(names):
 
 
 @given(own=layers, asked=layers)
-def test_defaults_never_contradict_what_is_asked_for(own, asked):
+def test_user_defaults_never_contradict_the_requested_options(own, asked):
     asked = {name: VALUES[name] for name in asked}
     if not consistent(set(asked)) or not consistent(own):
         return

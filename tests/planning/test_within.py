@@ -107,7 +107,7 @@ def test_without_a_time_the_search_ends_when_more_time_gains_little():
 
 
 @pytest.mark.parametrize("objective", ["samples", "aperture", "time"])
-def test_other_objectives_keep_to_their_target_and_the_time(objective):
+def test_other_objectives_meet_their_target_within_the_time(objective):
     request = PlanRequest(altitude=40, optimize=objective, within=5, vhat=0.9, drone="dji-m3t")
     found = plan(request)
     assert found.solution.prediction.normalized >= 0.9 - 1e-9

@@ -150,7 +150,7 @@ def test_coverage_is_the_number_of_views_that_contain_the_projection(tmp_path):
     assert {0.0, 9.0} <= set(np.unique(counted))
 
 
-def test_what_no_view_sees_is_nan_and_uncovered(tmp_path):
+def test_pixels_that_no_view_sees_are_nan_and_uncovered(tmp_path):
     recording = recorded(tmp_path, sites(1))
     found = recording.integrate(ViewSubset(), recording.raster((-30, -30, 30, 30), 0.5))
     assert np.isnan(found.values[0, 0, 0])

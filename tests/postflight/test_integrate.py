@@ -43,7 +43,7 @@ def names(count):
 @given(
     st.lists(st.tuples(*[st.floats(-50, 50)] * 2), min_size=1, max_size=60), st.floats(0.1, 40.0)
 )
-def test_a_pitch_keeps_as_many_as_fit_so_far_apart(points, pitch):
+def test_a_pitch_keeps_as_many_views_as_possible_at_this_distance(points, pitch):
     positions = np.array(points)
     kept = chosen(ViewSubset(pitch_m=pitch), names(len(points)), positions)
     distances = np.hypot(*(positions[:, None] - positions[kept][None]).T)
@@ -124,7 +124,7 @@ def test_a_choice_of_views_has_similarity_1_with_itself(command, recorded):
     assert json.loads(out)["comparison"]["ssim"] == pytest.approx(1.0)
 
 
-def test_files_hold_the_same_image(command, recorded, folder):
+def test_all_output_formats_contain_the_same_image(command, recorded, folder):
     assert command(*recorded, "--out", "i.png", "--out", "i.tif", "--out", "i.npz")[0] == 0
     png = np.asarray(Image.open("i.png"))
     tif = np.asarray(Image.open("i.tif"))
@@ -180,7 +180,7 @@ def test_16_bit_values_are_stretched_in_png_and_kept_in_tiff(command, folder):
     assert (png[..., 0][tif <= low] == 0).all()
 
 
-def test_a_camera_from_the_command_is_the_one_from_the_poses(command, recorded, folder):
+def test_a_camera_given_on_the_command_line_equals_the_one_in_the_poses(command, recorded, folder):
     command(*recorded, "--out", "own.png")
     document = json.loads((folder / "poses.json").read_text())
     del document["camera"]
@@ -206,7 +206,7 @@ def test_images_are_found_under_another_ending(command, recorded, folder):
     assert "004.PNG" in refused(command, *recorded, "--out", "j.png")
 
 
-def test_the_summary_names_what_was_done(command, recorded):
+def test_the_summary_names_views_extent_ssim_and_file(command, recorded):
     status, out, err = command(*recorded, "--out", "i.png", "--compare", "all")
     assert (status, err) == (0, "")
     for part in ("9 of 9", "4 x 4 m", "SSIM", "1.0000", "i.png"):

@@ -42,7 +42,7 @@ def read(folder, **options):
 @pytest.mark.parametrize(
     "angles", [(0, -90, 0), (90, -90, 0), (-137, -60, 12), (3, -90, 180), (10, 0, 0)]
 )
-def test_a_camera_turns_as_scipy_turns_it(angles):
+def test_camera_rotations_equal_those_of_scipy(angles):
     assert camera_rotation(*angles) == pytest.approx(rotation_of(*angles), abs=1e-12)
 
 
@@ -114,7 +114,7 @@ def test_fixed_rtk_heights_replace_barometric_heights(folder):
     assert np.ptp(np.subtract(heights, before)) < 1e-6
 
 
-def test_pixels_are_those_of_the_sensor_whatever_the_orientation_says(command, folder):
+def test_pixels_are_in_the_order_of_the_sensor_for_every_orientation(command, folder):
     fly(folder / "upright", count=4)
     fly(folder / "turned", count=4, orientation=6)
     for name in ("upright", "turned"):
@@ -227,7 +227,7 @@ def test_a_plan_supplies_values_that_photos_do_not_have(command, folder):
     assert np.abs(first - second).mean() < 2.0
 
 
-def test_a_tiff_of_photos_lies_in_its_place(command, folder):
+def test_the_geotiff_of_photos_has_the_correct_location(command, folder):
     fly(folder / "photos")
     assert command("photos", "--out", "x.tif", "--extent=-4,-4,4,4", "--gsd", "0.1")[0] == 0
     with rasterio.open("x.tif") as raster:
@@ -239,7 +239,7 @@ def test_a_tiff_of_photos_lies_in_its_place(command, folder):
         assert abs(column - 40) <= 1
 
 
-def test_poses_without_images_say_what_is_missing(command, folder):
+def test_the_error_for_poses_without_images_names_them(command, folder):
     (folder / "poses.json").write_text("{}")
     assert "folder of the images is missing" in command("poses.json", "--out", "x.png")[2]
     assert "no folder 'none'" in command("none", "--out", "x.png")[2]

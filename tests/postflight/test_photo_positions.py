@@ -74,7 +74,7 @@ def test_photos_with_damaged_positions_have_no_position(tmp_path, gps):
     assert read_photos(str(tmp_path)).places["b.jpg"] is None
 
 
-def test_no_folder_and_no_photo_are_errors(tmp_path):
+def test_a_missing_folder_and_a_folder_without_photos_are_errors(tmp_path):
     with pytest.raises(RequestError, match="no such file"):
         read_photos(str(tmp_path / "none"))
     with pytest.raises(RequestError, match="0 photos were read"):
@@ -134,7 +134,7 @@ def test_seconds_of_0_over_0_are_ignored_if_minutes_have_decimals(tmp_path):
     assert "seconds" in why
 
 
-def test_zeros_of_xmp_beside_good_exif_are_no_position(tmp_path):
+def test_zeros_in_xmp_are_not_a_position_even_if_exif_is_valid(tmp_path):
     xmp = b'<x drone-dji:GpsLatitude="+0.0" drone-dji:GpsLongitude="0.0" '
     photo(tmp_path / "a.jpg", -33.5, -70.25, xmp + b'drone-dji:RelativeAltitude="+40.1"/>')
     place = read_photos(str(tmp_path)).places["a.jpg"]
@@ -156,7 +156,7 @@ def test_photos_that_are_all_doubtful_are_an_error_that_says_why(tmp_path):
         read_photos(str(tmp_path))
 
 
-def test_thermal_and_visible_photos_of_a_shot_count_once_and_that_is_said(tmp_path):
+def test_thermal_and_visible_photos_of_a_shot_count_once_with_a_notice(tmp_path):
     for number in range(1, 4):
         for second, letter in enumerate("TVW"):
             name = f"DJI_202501011200{number}{second}_000{number}_{letter}.JPG"

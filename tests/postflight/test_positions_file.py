@@ -97,7 +97,7 @@ def test_local_metres_are_the_inverse_of_places_on_earth(mission):
         assert geod.inv(one[1], one[0], other[1], other[0])[2] < 1e-6
 
 
-def test_the_calculator_takes_a_mission_for_positions(tmp_path, capsys):
+def test_visibility_accepts_a_mission_as_positions(tmp_path, capsys):
     path = file_of(tmp_path, grid(9, baseline_m=4.0, heading_deg=0.0), "plan")
     line = ["visibility", "--density", "0.5", "--spacing", "4", "--json", "--positions"]
     assert run([*line, path]) == 0
@@ -186,7 +186,7 @@ def test_bytes_that_are_not_text_are_refused(tmp_path, suffix):
         read_places(str(tmp_path / f"none{suffix}"))
 
 
-def test_places_too_far_apart_are_no_positions(tmp_path):
+def test_positions_too_far_apart_are_refused(tmp_path):
     features = [
         {"type": "Feature", "properties": None, "geometry": {"type": "Point", "coordinates": where}}
         for where in ([14.0, 48.0], [-100.0, 48.0])
@@ -251,7 +251,7 @@ def test_places_in_metres_of_a_local_frame_are_refused(tmp_path):
         read_places(str(path))
 
 
-def test_blank_rows_of_spreadsheets_are_no_positions(tmp_path):
+def test_blank_rows_of_spreadsheets_are_not_positions(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("east_m,north_m,\r\n1,2,\r\n,,\r\n\r\n3,4,\r\n")
     assert read_positions(str(path)) == [(1.0, 2.0), (3.0, 4.0)]

@@ -32,7 +32,7 @@ def test_missing_noisy_and_stray_photos_do_not_change_the_registration(seed):
     assert found.alike == 1
 
 
-def test_the_middle_of_the_photos_would_be_off_by_half_of_what_is_missing():
+def test_matching_by_the_middle_of_the_photos_would_be_wrong():
     sites = sites_of(48)
     east = sites[:, 0]
     photos = sites[east < np.quantile(east, 0.6)] + OFFSET_M
@@ -78,7 +78,7 @@ def test_one_photo_is_matched_to_the_first_site():
     assert found.alike == 9
 
 
-def test_a_single_site_takes_the_place_of_most_photos():
+def test_a_single_site_is_matched_to_the_place_with_most_photos():
     photos = np.array([[0.0, 0.0], [50.0, 0.0], [50.2, 0.1], [50.1, -0.1]])
     found = registered(np.zeros((1, 2)), photos, 1.0)
     assert np.abs(found.offset_m - (50.1, 0.0)).max() < 0.2

@@ -85,7 +85,7 @@ def test_sites_without_a_photo_are_missing_and_no_others(tmp_path, wanted):
     assert flown == pytest.approx(sites[gone], abs=1e-12)
 
 
-def test_what_was_flown_is_predicted_from_where_it_was_flown(tmp_path):
+def test_flown_photos_are_predicted_at_their_recorded_positions(tmp_path):
     request = PlanRequest(altitude=40, heading=40, samples=30, baseline=2.0)
     planned = plan(request)
     points = sites_of(planned) + np.random.default_rng(5).normal(0.0, 0.4, (30, 2))
@@ -113,7 +113,7 @@ def test_noise_below_the_tolerance_leaves_nothing_missing(tmp_path, seed):
     assert closer.missing == np.flatnonzero(radii > 0.7).tolist() == closer.strays
 
 
-def test_photos_elsewhere_belong_to_no_site(tmp_path):
+def test_distant_photos_belong_to_no_site(tmp_path):
     request = PlanRequest(altitude=40)
     sites = sites_of(plan(request))
     nearby, far = [[1.5, 0.1]], [[400.0, 0.0]]
@@ -196,7 +196,7 @@ def test_a_folder_of_photos_is_reviewed(tmp_path, command):
     assert found["off_site_m"]["largest"] < 0.02
 
 
-def test_a_plan_without_a_place_is_put_in_the_middle_of_the_photos(tmp_path, command):
+def test_a_plan_without_a_location_is_matched_to_the_middle_of_the_photos(tmp_path, command):
     command("plan", *flags(PLACED), "--out", "flown.waypoints", "--quiet")
     line = ("review", "flown.waypoints", "--altitude=40", "--heading=30", "--json")
     status, text, err = command(*line)
@@ -207,7 +207,7 @@ def test_a_plan_without_a_place_is_put_in_the_middle_of_the_photos(tmp_path, com
     assert "48.3358" in err
 
 
-def test_a_plan_without_a_place_lies_where_its_photos_are_whatever_is_missing(tmp_path, command):
+def test_a_plan_without_a_location_is_matched_to_its_photos_despite_missing_ones(tmp_path, command):
     planned = plan(PlanRequest(**PLACED))
     ways = planned.waypoints
     # One side of the grid except one photo, and one site in the middle, are missing.
@@ -346,7 +346,7 @@ def test_a_scene_without_occluders_is_fully_visible_in_a_review(tmp_path):
     ],
 )
 @pytest.mark.parametrize("name_of_command", ["review", "thin"])
-def test_files_of_the_wrong_kind_are_one_clear_error(
+def test_files_of_the_wrong_kind_give_one_clear_error(
     tmp_path, command, name, content, words, name_of_command
 ):
     (tmp_path / name).write_bytes(content)
@@ -386,7 +386,7 @@ def test_names_that_are_not_unicode_are_printed(tmp_path, command):
     assert (status, len(json.loads(out)["views"])) == (0, 1)
 
 
-def test_a_format_that_needs_a_place_writes_nothing_without_one(tmp_path, command):
+def test_formats_that_need_a_location_write_nothing_without_it(tmp_path, command):
     csv_of(tmp_path / "f.csv", [(0.0, 0.0)])
     line = ("review", "f.csv", "--altitude=40", "--out=top.waypoints", "--out=top.csv")
     status, _, err = command(*line)
@@ -405,7 +405,7 @@ FOUND = {"find": "person", "contrast": 3.0, "canopy_offset": 0.0, "crown_share":
 FEW_SLICES = {"integrated_density": 0.8, "occluder_size": 0.5, "volume_height": 3.0}
 
 
-def test_what_was_flown_finds_less_than_planned_and_the_top_up_as_much(tmp_path):
+def test_detection_is_lower_with_missing_photos_and_as_planned_after_the_top_up(tmp_path):
     request = PlanRequest(altitude=40, samples=36, baseline=2.0, **FEW_SLICES, **FOUND)
     planned = plan(request)
     # The last lines are missing. If instead every second photo were missing, about as many targets

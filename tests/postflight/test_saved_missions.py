@@ -25,7 +25,7 @@ PHOTO = [True, False, True, True, False, True, True, True, True]
 
 @pytest.mark.parametrize(("name", "ending"), [("kmz", ".kmz"), ("litchi", ".csv")])
 @pytest.mark.parametrize("trigger", ["stop", "distance"])
-def test_waypoints_without_a_photo_are_no_places(tmp_path, name, ending, trigger):
+def test_waypoints_without_a_photo_are_not_positions(tmp_path, name, ending, trigger):
     mission = grid(9, kind="line", photo=PHOTO, trigger=trigger)
     path = tmp_path / f"m{ending}"
     path.write_bytes(written(mission, name))
@@ -103,7 +103,7 @@ def test_a_mission_file_is_exported_as_a_map(tmp_path, capsys, name, ending):
     assert "also needs speeds and the camera" in capsys.readouterr().err
 
 
-def test_review_and_thin_take_routes(tmp_path, capsys):
+def test_review_and_thin_accept_wpml_routes(tmp_path, capsys):
     line = ["plan", "--altitude", "40", "--origin", "48.3358,14.3261", "--drone", "dji-m3t"]
     assert run([*line, "--out", str(tmp_path / "g.kmz"), "--json"]) == 0
     (tmp_path / "plan.json").write_text(capsys.readouterr().out)

@@ -229,7 +229,7 @@ def test_known_positions_have_no_noise(name):
     assert noisy.predict(Pattern(4, 5), 1.0) != sharp.predict(Pattern(4, 5), 1.0)
 
 
-def test_a_measured_stand_is_chosen_from_by_its_correlogram():
+def test_views_of_a_measured_stand_are_chosen_with_its_correlogram():
     model, table = MeasuredModel(FOREST, 60.0), MODELS["correlogram"]
     x, y = np.random.default_rng(4).uniform(-5, 5, (2, 9))
     assert (model.correlation(x, y) == table.correlation(x, y)).all()

@@ -65,14 +65,14 @@ def test_the_photos_with_the_largest_gain_are_taken(flown):
     assert found.plan.route.total_time_s <= 0.6 * all_s
 
 
-def test_a_time_that_is_too_short_is_refused_with_one_that_is_not(flown):
+def test_a_too_short_time_is_refused_with_a_sufficient_one(flown):
     with pytest.raises(InfeasibleError, match=r"within 0\.05 min") as refused:
         topped_up(flown, 3.0)
     enough = float(refused.value.hint.split()[1])
     assert len(topped_up(flown, 60.0 * enough).topup.waypoints) >= 1
 
 
-def test_the_command_takes_minutes(flown, capsys, tmp_path):
+def test_the_within_option_of_review_is_in_minutes(flown, capsys, tmp_path):
     _, planned, photos = flown
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(planned.document()))

@@ -144,7 +144,7 @@ def test_an_error_is_the_text_of_the_program(run):
 
 
 @pytest.mark.slow
-def test_turns_are_on_the_path_and_no_sites(run):
+def test_turns_are_on_the_path_but_are_not_sites(run):
     made = run(
         ORIGIN="14.3,48.3 [EPSG:4326]",
         VHAT=0.9,

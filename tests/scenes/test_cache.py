@@ -160,7 +160,7 @@ def test_a_file_that_changes_while_it_is_read_is_not_kept(place, cloud, monkeypa
     assert not place.exists()
 
 
-def test_the_oldest_entries_are_dropped_and_nothing_else(place, tmp_path, monkeypatch):
+def test_only_the_oldest_cache_entries_are_deleted(place, tmp_path, monkeypatch):
     clouds = [write_cloud(tmp_path / f"{i}.laz", seed=i) for i in range(4)]
     resolved(clouds[0])
     (first,) = entries(place)
@@ -209,7 +209,7 @@ def test_the_folder_follows_the_rules_of_the_system(tmp_path, monkeypatch):
     assert cache.folder() == str(tmp_path / "aosplan" / "clouds")
 
 
-def test_scene_says_where_its_voxels_come_from(place, cloud, capsys):
+def test_the_scene_command_reports_whether_voxels_come_from_the_cache(place, cloud, capsys):
     assert run(["scene", str(cloud), "--json"]) == 0
     first = capsys.readouterr()
     assert run(["scene", str(cloud), "--json"]) == 0

@@ -29,7 +29,7 @@ def test_a_camera_file_is_a_camera(written):
 
 
 @pytest.mark.parametrize("word", ["title", "source", "assumed"])
-def test_a_camera_file_may_say_where_it_is_from(written, word):
+def test_a_camera_file_may_name_its_source(written, word):
     assert getattr(read_camera(written(CAMERA | {word: "a datasheet"})), word) == "a datasheet"
 
 
@@ -193,7 +193,7 @@ def test_a_layered_scene_is_saved_and_read_back(tmp_path, capsys):
     assert read_scene(str(saved)) == read_scene(str(path))
 
 
-def test_what_scene_prints_is_a_scene_file(tmp_path, capsys):
+def test_the_output_of_scene_is_a_scene_file(tmp_path, capsys):
     # A scene file may contain layers in the form that `aosplan scene` prints.
     assert run(["scene", "paper-forest", "--json"]) == 0
     path = tmp_path / "printed.json"

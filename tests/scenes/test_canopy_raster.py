@@ -95,7 +95,7 @@ def test_south_up_and_mirrored_rasters_are_the_same_stand(raster):
 
 
 @pytest.mark.parametrize("strip", [1, 70, 10_000])
-def test_other_voxels_take_the_height_at_their_middles(raster, monkeypatch, strip):
+def test_voxels_of_another_size_have_the_height_at_their_middle(raster, monkeypatch, strip):
     monkeypatch.setattr("aosplan.scenes.files.canopy_raster.PIXELS_AT_ONCE", strip)
     heights = trees()
     volume = read_canopy(raster(heights), voxel_m=0.2)
@@ -133,7 +133,7 @@ def test_scales_and_units_of_heights_count(raster, tmp_path):
     assert np.array_equal(in_feet.occupied, expected)
 
 
-def test_cells_in_feet_become_metres_and_that_is_said(raster):
+def test_cells_in_feet_are_converted_with_a_warning(raster):
     foot = 1200 / 3937
     place = Affine(0.5 / foot, 0, 0, 0, -0.5 / foot, 20 / foot)
     volume = read_canopy(raster(trees(), transform=place, crs="EPSG:2231", unit="m"))
@@ -157,12 +157,12 @@ def test_cells_without_data_are_open_ground_with_a_warning(raster):
     assert not volume.occupied[:, :, :30].any()
 
 
-def test_a_raster_without_a_system_is_taken_for_metres_and_that_is_said(raster):
+def test_a_raster_without_a_reference_system_is_read_in_metres_with_a_warning(raster):
     volume = read_canopy(raster(trees(), crs=None))
     assert [code for code, _ in volume.warnings] == ["units_assumed"]
 
 
-def test_bare_ground_has_no_slices_and_is_said(raster):
+def test_bare_ground_has_no_slices_and_gives_a_warning(raster):
     bare = read_canopy(raster(np.zeros((4, 5), np.float32)))
     assert bare.occupied.shape == (0, 4, 5)
     assert [code for code, _ in bare.warnings] == ["no_vegetation"]
@@ -203,7 +203,7 @@ def refusal(path, **given):
         ({"unit": "cubit"}, "heights in 'cubit'"),
     ],
 )
-def test_a_raster_that_is_no_plot_in_metres_is_named(raster, change, said):
+def test_a_raster_that_is_not_a_plot_in_metres_is_refused(raster, change, said):
     assert said in refusal(raster(trees(), **change)).message
 
 
@@ -254,7 +254,7 @@ def test_a_very_large_sparse_raster_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("voxel", [1e-3, 1e-300])
-def test_too_many_voxels_are_refused_with_a_size_that_does(raster, voxel):
+def test_too_many_voxels_are_refused_with_a_possible_size(raster, voxel):
     path = raster(trees())
     error = refusal(path, voxel_m=voxel)
     size = float(error.hint.split()[2])
@@ -341,7 +341,7 @@ def test_heights_without_a_unit_are_refused_if_x_and_y_are_in_feet(raster):
     assert "--units" in caught.value.hint
 
 
-def test_a_unit_that_is_stated_twice_in_two_ways_is_asked_for(raster):
+def test_contradictory_units_in_a_raster_are_refused(raster):
     path = raster(trees(), transform=IN_FEET, crs="EPSG:2227+6360", unit="m")
     with pytest.raises(
         RequestError, match="in metres by its band, and in US survey feet"

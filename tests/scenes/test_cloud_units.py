@@ -128,9 +128,7 @@ def test_one_stand_reads_the_same_from_every_file_format(
     assert said == expected
 
 
-def test_a_vertical_unit_that_is_not_stated_is_that_of_x_and_y_and_said_if_it_is_feet(
-    tmp_path, truth
-):
+def test_a_missing_vertical_unit_is_that_of_x_and_y_with_a_warning_for_feet(tmp_path, truth):
     path = write_dressed(
         tmp_path / "a.laz",
         in_units("us-ft", "us-ft"),
@@ -171,7 +169,7 @@ def test_the_vertical_system_s_own_code_gives_the_unit_of_z(tmp_path, vertical, 
         ({1024: 1, 3072: 2227, 4096: 2}, "EPSG 2"),
     ],
 )
-def test_units_that_contradict_each_other_are_asked_for(tmp_path, keys, place):
+def test_contradictory_units_are_refused(tmp_path, keys, place):
     path = write_dressed(tmp_path / "a.las", XYZ, KIND, before=geo_keys(keys), point_format=1)
     error = refusal(path)
     assert place in error.message
@@ -192,7 +190,7 @@ def test_keys_of_an_unknown_unit_are_metres_with_a_warning_or_refused_if_they_sp
     assert "Texas" in error.message
 
 
-def test_a_file_without_a_system_is_taken_for_metres_and_that_is_said(tmp_path):
+def test_a_file_without_a_reference_system_is_read_in_metres_with_a_warning(tmp_path):
     path = write_cloud(tmp_path / "a.laz", *stand(), crs=None)
     volume = read_voxels(path)
     assert codes(volume) == ["units_assumed"]
@@ -278,7 +276,7 @@ def test_tiles_in_feet_and_in_metres_are_brought_together(tmp_path, truth):
 
 
 @pytest.mark.parametrize("point_format", [3, 6])
-def test_records_that_the_header_does_not_count_are_read_and_said(tmp_path, point_format):
+def test_uncounted_records_are_read_with_a_warning(tmp_path, point_format):
     path = write_cloud(tmp_path / "a.las", *stand(), point_format=point_format)
     whole = read_voxels(path)
     position, layout = (247, "<Q") if point_format == 6 else (107, "<I")
@@ -305,7 +303,7 @@ def test_extended_records_are_not_taken_for_points(tmp_path):
 
 @pytest.mark.parametrize("point_format", [0, 1, 3, 6, 7])
 @pytest.mark.parametrize("counted", [30_000, 50_000, 59_000])  # chunks have 50,000 points
-def test_compressed_points_that_are_not_counted_are_said(tmp_path, point_format, counted):
+def test_uncounted_compressed_points_give_a_warning(tmp_path, point_format, counted):
     xyz, kind = stand(count=60_000)
     path = write_cloud(tmp_path / "a.laz", xyz, kind, point_format=point_format)
     assert "uncounted_points" not in [code for code, _ in PointFile(str(path)).warnings]
@@ -315,7 +313,7 @@ def test_compressed_points_that_are_not_counted_are_said(tmp_path, point_format,
     assert "uncounted_points" in [code for code, _ in file.warnings]
 
 
-def test_a_bird_is_named_and_the_plan_says_it_too(tmp_path):
+def test_a_bird_gives_a_warning_in_scene_and_plan(tmp_path):
     xyz, kind = stand()
     xyz, kind = np.column_stack([xyz, [10.0, 6.0, 900.0]]), np.append(kind, 1)
     path = write_cloud(tmp_path / "a.laz", xyz, kind)
@@ -343,7 +341,7 @@ def test_a_ground_point_far_from_the_others_is_named(tmp_path, step):
     assert f"x {xyz[0, 100]:.1f}, y {xyz[1, 100]:.1f}" in message
 
 
-def test_a_cliff_and_an_emergent_tree_are_no_outliers(tmp_path):
+def test_a_cliff_and_an_emergent_tree_are_not_outliers(tmp_path):
     xyz, kind = stand(count=20_000)
     xyz[2] += np.where(xyz[0] > 10.0, 8.0, 0.0)
     xyz[2, -30:] += 8.0

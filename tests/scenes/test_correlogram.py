@@ -118,7 +118,7 @@ def test_densities_are_means_of_opposite_views(forest, table):
     assert table.density_by_offset[0, 7] == pytest.approx(0.5 * (to_north + to_south), rel=1e-12)
 
 
-def test_lookups_meet_the_tables_at_their_knots(table):
+def test_lookups_equal_the_tables_at_their_knots(table):
     lags, directions = np.meshgrid(table.lags, table.directions_deg)
     for turn in (0.0, 180.0, -360.0):
         places = lags.ravel(), directions.ravel() + turn

@@ -130,7 +130,7 @@ def test_a_crop_beside_the_cloud_is_refused_with_its_reach(tmp_path):
         read_voxels(bare, crop=Crop((10.0, 40.0, 11.0, 41.0), "degrees"))
 
 
-def test_the_place_of_a_plan_crops_what_it_meets_and_says_so(tmp_path):
+def test_a_cloud_is_cropped_to_the_plan_with_a_warning(tmp_path):
     path, x, y = cloud(tmp_path / "a.las", size=200.0)
     there = Crop(degrees((20.0, 30.0), (60.0, 80.0)), "degrees", 20.0, of_plan=True)
     cut = read_voxels(path, crop=there)
@@ -154,7 +154,7 @@ def wide(tmp_path):
     return path
 
 
-def test_wide_plots_have_larger_voxels_and_say_so(wide, monkeypatch):
+def test_wide_plots_have_larger_voxels_with_a_warning(wide, monkeypatch):
     assert read_voxels(wide).voxel_m == 0.25
     # z has a range of 28 m; 60 x 60 x 28 m have at most this number of voxels of 0.38 m.
     monkeypatch.setattr(point_cloud, "USUAL_VOXELS", 1_830_000)
@@ -193,7 +193,7 @@ class TestPulsesOfWidePlots:
         assert opacity.voxel_m == volume.slice_m == 0.25
 
     @pytest.mark.slow
-    def test_a_share_of_the_pulses_says_what_all_say(self, monkeypatch):
+    def test_a_share_of_the_pulses_gives_about_the_same_opacity_as_all(self, monkeypatch):
         from aosplan.scenes.pulses import fit
 
         whole = pulses_of(UAS)
@@ -204,7 +204,9 @@ class TestPulsesOfWidePlots:
         assert part[0].column_occupancy == pytest.approx(whole[0].column_occupancy, abs=0.01)
 
     @pytest.mark.slow
-    def test_wide_plots_take_larger_voxels_and_wider_ones_voxels_of_points(self, monkeypatch):
+    def test_opacity_from_pulses_uses_larger_voxels_on_wide_plots_and_points_on_wider_ones(
+        self, monkeypatch
+    ):
         monkeypatch.setattr(point_cloud, "MOST_PULSE_COLUMNS", 3000)
         volume, opacity = pulses_of(UAS, crop=self.crop)
         assert opacity.voxel_m == volume.slice_m == 0.5

@@ -53,7 +53,7 @@ def test_outside_the_hull_the_nearest_vertex_counts():
     "points",
     [[[2, 2, 7]], [[0, 0, 7], [4, 4, 7]], [[0, 0, 7], [1, 1, 7], [3, 3, 7]], [[1, 1, 7]] * 5],
 )
-def test_vertices_that_span_no_triangle_serve_as_nearest(points):
+def test_vertices_without_a_triangle_are_used_as_nearest_points(points):
     assert (surface(np.array(points, dtype=float).T, 3, 3, 1.0) == 7.0).all()
 
 

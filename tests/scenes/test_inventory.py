@@ -92,7 +92,7 @@ def test_slices_share_the_leaves_as_an_ellipsoid_does():
     assert np.allclose(np.array(depths) / sum(depths), shares / shares.sum(), rtol=1e-5)
 
 
-def test_no_leaves_hide_nothing():
+def test_an_inventory_without_leaves_hides_nothing():
     assert scene(leaf_area_index=0.0).integrated_density == 0.0
 
 

@@ -86,7 +86,7 @@ def test_every_mask_has_a_size_within_the_plot(seed, rows, columns):
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_a_mask_and_its_complement_are_as_large(seed):
+def test_a_mask_and_its_complement_have_the_same_size(seed):
     mask = np.random.default_rng(seed).random((16, 20)) < 0.3
     assert integral_range(mask) == pytest.approx(integral_range(~mask), rel=1e-3)
 

@@ -160,14 +160,14 @@ def visibilities(views):
     "name",
     [pytest.param(name, marks=[] if name == "spruce" else [pytest.mark.slow]) for name in STANDS],
 )
-def test_generated_forests_are_as_rays_see_them(name, view):
+def test_views_of_generated_forests_agree_with_traced_rays(name, view):
     assert_like_rays(clumped_forest(STANDS[name]), view)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("view", ["telecentric", "perspective"])
 @pytest.mark.parametrize(("name", "voxel_m"), [("UAS_Clip", 0.25), ("pine_plot", 0.1)])
-def test_real_stands_are_as_rays_see_them(name, voxel_m, view, real_stand):
+def test_views_of_real_stands_agree_with_traced_rays(name, voxel_m, view, real_stand):
     assert_like_rays(real_stand(name, voxel_m), view)
 
 
@@ -202,7 +202,7 @@ def scrub():
 
 
 @pytest.mark.parametrize("view", ["telecentric", "perspective"])
-def test_nadir_sees_what_no_column_hides(scrub, view):
+def test_the_nadir_view_sees_targets_of_empty_columns(scrub, view):
     if view == "telecentric":
         column = scrub.occupied.any(axis=0).repeat(3, axis=0).repeat(3, axis=1)
         assert (hidden(scrub, 20.0, (0.0, 0.0), targets_per_voxel=3) == column).all()
@@ -273,7 +273,7 @@ def test_a_focal_plane_within_a_slice_keeps_its_upper_part():
     assert (got.ravel() == want).all()
 
 
-def test_nothing_is_hidden_where_nothing_stands(scrub):
+def test_an_empty_volume_hides_no_targets(scrub):
     bare = VoxelVolume(np.zeros((0, 3, 4), dtype=bool), 0.5)
     for view in ("telecentric", "perspective"):
         assert not hidden(bare, 1.0, (2.0, 1.0), view=view).any()
@@ -281,7 +281,7 @@ def test_nothing_is_hidden_where_nothing_stands(scrub):
         assert not hidden(scrub, 1.0, (2.0, 1.0), view=view, focal_height_m=99.0).any()
 
 
-def test_nothing_is_seen_below_a_roof():
+def test_a_full_slice_hides_all_targets():
     roof = np.zeros((5, 3, 70), dtype=bool)
     roof[4] = True
     for view in ("telecentric", "perspective"):
@@ -312,7 +312,7 @@ def test_results_do_not_depend_on_how_work_is_divided(scrub, monkeypatch):
 
 
 @pytest.mark.parametrize("slice_m", [None, 0.25])
-def test_how_perspective_views_are_divided_changes_nothing(scrub, slice_m, monkeypatch):
+def test_perspective_views_do_not_depend_on_how_work_is_divided(scrub, slice_m, monkeypatch):
     volume = replace(scrub, slice_m=slice_m)
     offsets = np.random.default_rng(7).uniform(-15.0, 15.0, (4, 2))
     whole = Occlusion(volume, 20.0, view="perspective")
@@ -336,7 +336,7 @@ def test_views_are_the_same_after_any_others(scrub):
         assert (occlusion.masks(offsets) == Occlusion(scrub, 20.0).masks(offsets)).all()
 
 
-def test_a_view_from_far_away_takes_no_more_memory_than_it_should(scrub):
+def test_a_distant_view_needs_no_additional_memory(scrub):
     # The shift is a hundred thousand targets, but the result depends only on the shift within one
     # slice.
     far = hidden(scrub, 20.0, (40_000.0, -3.0))

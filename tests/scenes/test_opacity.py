@@ -158,7 +158,7 @@ def _bound(volume, which):
     return replace(volume, occupied=volume.bounds[which], bounds=None)
 
 
-def test_a_known_trajectory_gives_what_the_pulses_give(tmp_path, leaves):
+def test_a_known_trajectory_gives_the_same_opacity_as_the_pulses(tmp_path, leaves):
     stand, _, scan = leaves
     path = write_scan(tmp_path / "leaves.las", scan)
     rows = [
@@ -174,7 +174,7 @@ def test_a_known_trajectory_gives_what_the_pulses_give(tmp_path, leaves):
     assert known.opacity.zenith_deg == pytest.approx(found.opacity.zenith_deg, abs=0.3)
 
 
-def test_clouds_without_sound_pulses_are_read_as_voxels_and_say_why(tmp_path, leaves):
+def test_clouds_without_usable_pulses_are_read_as_voxels_with_a_reason(tmp_path, leaves):
     rng = np.random.default_rng(1)
     xyz = np.stack([*rng.uniform(0, 8, (2, 4000)), np.repeat([0.0, 5.0], 2000)])
     path = write_cloud(tmp_path / "single.las", xyz, np.repeat([2, 5], 2000))
@@ -195,7 +195,7 @@ def test_clouds_without_sound_pulses_are_read_as_voxels_and_say_why(tmp_path, le
     assert "no flight line" in said["opacity_from_voxels"]
 
 
-def test_the_command_prints_what_the_pulses_say(tmp_path, leaves, capsys, monkeypatch):
+def test_the_scene_command_prints_results_of_the_pulses(tmp_path, leaves, capsys, monkeypatch):
     monkeypatch.setenv("AOSPLAN_CACHE", str(tmp_path / "cache"))
     path = str(write_scan(tmp_path / "leaves.las", leaves[2]))
     for _ in range(2):  # The first time it is read from the file, the second time from the cache.

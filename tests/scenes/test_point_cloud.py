@@ -209,7 +209,7 @@ def test_a_part_of_very_many_ground_points_is_enough(tmp_path, monkeypatch):
     assert (part[both] ^ whole[both]).sum() < 0.01 * whole[both].sum()
 
 
-def test_normalised_heights_are_recognised_and_said(tmp_path):
+def test_normalised_heights_are_recognised_with_a_warning(tmp_path):
     xyz, kind = stand()
     flat = xyz - [[0], [0], [1]] * slope(*xyz[:2])
     path = write_cloud(tmp_path / "a.laz", flat, np.where(kind == 2, 0, kind), offset=[0, 0, 3.0])
@@ -223,7 +223,7 @@ def test_normalised_heights_are_recognised_and_said(tmp_path):
 
 @needs_filter
 @pytest.mark.parametrize("given", ["auto", "filter"])
-def test_an_unclassified_cloud_is_filtered_and_that_is_said(tmp_path, given):
+def test_an_unclassified_cloud_is_filtered_with_a_warning(tmp_path, given):
     xyz, kind = stand(count=12_000)
     volume = read_voxels(write_cloud(tmp_path / "a.laz", xyz, 0), ground=given)
     assert (volume.ground, codes(volume)) == ("filter", ["ground_filtered"])
@@ -246,7 +246,7 @@ def test_a_cloud_without_ground_class_gives_an_error_with_a_remedy(tmp_path):
     assert "filter" in error.hint
 
 
-def test_if_the_filter_finds_no_ground_this_is_an_error(tmp_path, monkeypatch):
+def test_a_filter_without_ground_points_gives_an_error(tmp_path, monkeypatch):
     monkeypatch.setattr(lidar, "filtered", lambda low, _: low[:, :0])
     error = refusal(write_cloud(tmp_path / "a.laz", *stand()[:1], 1), ground="filter")
     assert "no ground" in error.message
@@ -261,7 +261,7 @@ def test_a_sparse_cloud_gives_a_warning(tmp_path):
     assert "8.06 points" in volume.warnings[0][1]
 
 
-def test_bare_ground_is_a_volume_without_slices_and_said(tmp_path):
+def test_bare_ground_is_a_volume_without_slices_with_a_warning(tmp_path):
     xyz, kind = stand()
     volume = read_voxels(write_cloud(tmp_path / "a.laz", xyz[:, kind == 2]), min_height_m=1.0)
     assert volume.occupied.shape == (0, 49, 81)
@@ -275,7 +275,7 @@ def test_saturated_photos_give_a_warning(tmp_path):
     assert "smaller than 4 m, of 0.2 m or more" in volume.warnings[0][1]
 
 
-def test_a_round_plot_is_said_with_the_density_within(tmp_path):
+def test_a_round_plot_gives_a_warning_with_the_density_inside(tmp_path):
     xyz, kind = stand(width=20.0, depth=20.0, count=40_000)
     inside = np.hypot(xyz[0] - 10.0, xyz[1] - 10.0) < 10.0
     square = read_voxels(write_cloud(tmp_path / "a.laz", xyz, kind))
@@ -291,7 +291,7 @@ def test_a_round_plot_is_said_with_the_density_within(tmp_path):
 
 
 @pytest.mark.parametrize("shape", ["rotated", "corner"])
-def test_other_plots_that_are_no_rectangle_are_said(tmp_path, shape):
+def test_plots_that_are_not_rectangles_give_a_warning(tmp_path, shape):
     xyz, kind = stand(width=20.0, depth=20.0, count=40_000)
     x, y = xyz[:2]
     inside = {
@@ -313,7 +313,7 @@ def test_a_pond_is_not_treated_as_a_hole_in_the_plot(tmp_path):
 
 
 @pytest.mark.parametrize(("voxel_m", "points_a_m2"), [(0.1, 40.0), (0.15, 68.0)])
-def test_voxels_too_fine_for_the_points_are_said_with_a_size_that_does(
+def test_voxels_too_small_for_the_points_give_a_warning_with_a_better_size(
     tmp_path, voxel_m, points_a_m2
 ):
     count = 2 * round(0.5 * points_a_m2 * 20.1 * 12.1)
@@ -331,7 +331,7 @@ def test_voxels_too_fine_for_the_points_are_said_with_a_size_that_does(
 
 
 @pytest.mark.parametrize(("point_format", "crs"), [(6, "EPSG:2231"), (3, "EPSG:2231")])
-def test_feet_become_metres_and_that_is_said(tmp_path, point_format, crs):
+def test_feet_are_converted_to_metres_with_a_warning(tmp_path, point_format, crs):
     xyz, kind = stand()
     foot = 1200 / 3937
     path = write_cloud(
@@ -385,7 +385,7 @@ def test_degrees_are_recognised_without_a_system(tmp_path):
     assert "reproject" in error.hint
 
 
-def test_a_system_that_cannot_be_read_is_said_and_refused_if_it_speaks_of_feet(tmp_path):
+def test_an_unreadable_reference_system_gives_a_warning_or_is_refused_if_it_mentions_feet(tmp_path):
     path = write_cloud(tmp_path / "a.las", *stand(), crs="EPSG:6341")
     path.write_bytes(path.read_bytes().replace(b"PROJC", b"PR?JC"))
     volume = read_voxels(path)
@@ -439,7 +439,7 @@ def test_the_filter_agrees_with_the_classification_of_a_plot():
 
 
 @needs_filter
-def test_an_unclassified_plot_is_read_without_being_told_how():
+def test_an_unclassified_plot_is_read_with_default_options():
     volume = read_voxels(plot("pine_plot.laz"), min_height_m=0.5)
     assert volume.column_occupancy == pytest.approx(0.988, abs=0.003)
     assert codes(volume) == ["units_assumed", "ground_filtered", "saturated"]

@@ -157,7 +157,7 @@ def test_an_empty_list_of_files_is_refused():
 
 
 @pytest.mark.parametrize("voxel", [1e-4, 1e-300])
-def test_too_many_voxels_are_refused_with_a_size_that_does(tmp_path, voxel):
+def test_too_many_voxels_are_refused_with_a_possible_size(tmp_path, voxel):
     path = write_cloud(tmp_path / "a.laz", *stand())
     error = refusal(path, voxel_m=voxel)
     assert "20.1 x 12.1 x" in error.message

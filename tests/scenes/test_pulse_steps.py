@@ -258,7 +258,7 @@ def test_trajectories_are_read_and_interpolated(tmp_path):
         ("", "no column"),
     ],
 )
-def test_what_is_wrong_with_a_trajectory_is_said(tmp_path, text, said):
+def test_faults_in_a_trajectory_are_named(tmp_path, text, said):
     path = tmp_path / "track.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(RequestError) as caught:

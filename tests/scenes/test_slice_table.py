@@ -78,7 +78,7 @@ def test_a_slice_table_can_be_planned(table):
         (b"\x00" * 100, "no column bottom_m", ""),
     ],
 )
-def test_what_is_wrong_with_a_table_is_named_with_its_place(table, text, said, hint):
+def test_faults_in_a_slice_table_are_named_with_their_place(table, text, said, hint):
     path = table(text)
     with pytest.raises(RequestError) as caught:
         read_slices(path)

@@ -55,7 +55,7 @@ def whole(tmp_path_factory):
     return read_voxels(write_cloud(tmp_path_factory.mktemp("whole") / "whole.laz", *stand()))
 
 
-def test_tiles_are_one_stand_however_they_are_named(tiles, whole, monkeypatch):
+def test_tiles_named_in_any_way_are_one_stand(tiles, whole, monkeypatch):
     monkeypatch.chdir(tiles.parent)
     files = sorted(str(path) for path in tiles.iterdir() if path.suffix != ".txt")
     for found in (
@@ -89,7 +89,7 @@ def test_tiles_are_looked_for_beside_the_request(tiles, monkeypatch, tmp_path):
     assert "contains no" in refusal("tiles/*.laz").message
 
 
-def test_the_command_takes_several_files(tiles, capsys):
+def test_the_scene_command_accepts_several_files(tiles, capsys):
     files = sorted(str(path) for path in tiles.iterdir() if path.suffix != ".txt")
     assert run(["scene", *files, "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
@@ -125,7 +125,7 @@ def test_a_file_name_with_pattern_characters_is_read_as_a_file(tmp_path):
         (("tiles/0.laz", ""), "'' is not a point cloud"),
     ],
 )
-def test_what_does_not_go_together_is_named(tiles, monkeypatch, names, said):
+def test_options_that_cannot_be_combined_are_named(tiles, monkeypatch, names, said):
     monkeypatch.chdir(tiles.parent)
     assert said in refusal(*names).message
 
@@ -184,7 +184,7 @@ def saved(tmp_path_factory):
     return paths
 
 
-def test_a_scene_saved_without_its_interior_says_so(saved, tmp_path):
+def test_a_scene_saved_without_interior_correlograms_counts_all_targets(saved, tmp_path):
     whole = tmp_path / "whole.toml"
     cloud = ["scene", str(saved["laz"]), "--quiet"]
     assert run([*cloud, "--edges", "wrapped", "--save", str(whole)]) == 0
@@ -254,7 +254,7 @@ def test_requests_beyond_a_saved_correlogram_are_refused(saved, given):
     assert ".npz" in caught.value.hint
 
 
-def test_what_has_no_voxels_is_not_simulated(saved, capsys):
+def test_a_scene_without_voxels_is_not_simulated_as_a_cloud(saved, capsys):
     wanted = [
         "--altitude",
         "40",
@@ -285,7 +285,7 @@ def test_statistics_printed_or_saved_again_are_the_same(saved, tmp_path, capsys)
     assert saved_again == first
 
 
-def test_a_saved_scene_asks_for_no_measurement(saved, monkeypatch):
+def test_a_saved_scene_computes_no_correlogram_or_layers_again(saved, monkeypatch):
     def never(*_, **__):
         raise AssertionError
 
@@ -393,7 +393,7 @@ def test_a_plot_too_small_for_the_aperture_gives_a_warning(saved, kind):
     assert "too small for a grid of" in {w.code: w.message for w in beyond.warnings}["small_plot"]
 
 
-def test_views_that_see_almost_nothing_are_said(tmp_path):
+def test_views_that_see_almost_nothing_give_a_warning(tmp_path):
     occupied = np.random.default_rng(3).random((40, 40, 40)) < 0.09
     occupied[:8] = False
     path = tmp_path / "dense.npz"

@@ -195,7 +195,7 @@ def test_the_measured_model_on_the_real_stand(baseline, density, visibility, nor
 
 
 @real
-def test_a_stand_without_ground_class_is_planned_and_says_so():
+def test_a_stand_without_ground_class_is_planned_with_a_warning():
     pytest.importorskip("CSF")
     result = planned(DATA / "pine_plot.laz", model="uniform")
     assert "ground_filtered" in {warning.code for warning in result.warnings}

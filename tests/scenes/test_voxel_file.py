@@ -87,7 +87,7 @@ def test_layers_and_correlogram_are_kept_with_it(tmp_path):
     assert stand_npz(again) == stand_npz(WHOLE)
 
 
-def test_a_file_of_voxels_alone_is_a_stand_too(tmp_path):
+def test_a_file_with_only_voxels_is_read_as_a_stand(tmp_path):
     path = tmp_path / "early.npz"
     path.write_bytes(volume_npz(FOREST))
     with np.load(path) as arrays:

@@ -68,7 +68,7 @@ def test_invalid_volumes_are_refused_by_name(occupied, given, named):
         VoxelVolume(occupied, **({"voxel_m": 0.5, "source": "plot.laz"} | given))
 
 
-def test_a_point_fills_the_voxel_it_lies_in():
+def test_a_point_fills_the_voxel_that_contains_it():
     occupied = fill([block((2.5, 1.5, 3.5))], flat(2, 4), 0.0, 0.25, "cloud")
     assert occupied.shape == (4, 2, 4)
     assert np.argwhere(occupied).tolist() == [[3, 1, 2]]
@@ -108,7 +108,7 @@ def test_points_below_the_cut_are_dropped_and_points_at_it_are_not():
     assert np.argwhere(occupied).tolist() == [[8, 0, 1]]
 
 
-def test_nothing_above_the_cut_leaves_no_slices():
+def test_without_points_above_the_cut_there_are_no_slices():
     assert fill([block((0.5, 0.5, 1.0))], flat(2, 2), 2.0, 1.0, "cloud").shape == (0, 2, 2)
     assert fill([], flat(2, 2), 2.0, 1.0, "cloud").shape == (0, 2, 2)
 
@@ -123,7 +123,7 @@ def test_the_order_of_points_and_their_blocks_does_not_matter(random, pieces):
     assert (fill(parts, flat(3, 4), 0.0, 1.0, "cloud") == whole).all()
 
 
-def test_a_stand_too_high_for_its_voxels_is_refused_with_a_size_that_does(monkeypatch):
+def test_a_stand_too_high_for_its_voxels_is_refused_with_a_possible_size(monkeypatch):
     monkeypatch.setattr(voxels, "MAX_VOXELS", 1000)
     points = [block((0.5, 0.5, 30.0)), block((0.5, 0.5, 99.5)), block((0.5, 0.5, 3.0))]
     with pytest.raises(RequestError, match=r"cloud needs too many voxels of 0.25 m") as caught:
@@ -134,7 +134,7 @@ def test_a_stand_too_high_for_its_voxels_is_refused_with_a_size_that_does(monkey
     assert not fits((1.0, 1.0, 25.0), size / 1.3)
 
 
-def test_a_line_of_points_takes_a_cell_for_each_end():
+def test_a_line_of_points_includes_cells_for_both_ends():
     assert cells_along(0.0, 0.25) == 1
     assert cells_along(0.24, 0.25) == 1
     assert cells_along(0.25, 0.25) == 2
@@ -154,7 +154,7 @@ def test_the_size_that_is_hinted_at_always_fits(size, voxel_m):
 
 
 @pytest.mark.parametrize("reach", [1, 2, 5, 7])
-def test_a_full_plot_is_covered_whatever_the_squares(reach):
+def test_a_full_plot_is_covered_for_every_size_of_squares(reach):
     assert footprint(np.ones((31, 44), dtype=bool), reach) == 1.0
 
 
@@ -166,7 +166,7 @@ def test_the_covered_share_of_a_disc_is_correct_except_for_its_rim():
     assert footprint(sparse, 18) == pytest.approx(np.pi / 4, abs=0.06)
 
 
-def test_what_points_enclose_is_covered_and_a_bay_is_not():
+def test_ground_enclosed_by_points_is_covered_and_a_bay_is_not():
     ring = np.ones((20, 20), dtype=bool)
     ring[5:15, 5:15] = False
     assert footprint(ring, 1) == 1.0
@@ -174,7 +174,7 @@ def test_what_points_enclose_is_covered_and_a_bay_is_not():
     assert footprint(ring, 1) == pytest.approx(1.0 - 150 / 400)
 
 
-def test_a_cut_square_counts_for_what_is_left_of_it():
+def test_a_square_cut_by_the_rim_counts_in_proportion_to_its_rest():
     touched = np.zeros((4, 10), dtype=bool)
     touched[:, 8:] = True
     assert footprint(touched, 4) == pytest.approx(0.2)

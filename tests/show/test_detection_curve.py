@@ -14,7 +14,7 @@ SCENE = {"integrated_density": 0.8, "occluder_size": 0.5, "volume_height": 3.0, 
 OWN = {"find": "person", "contrast": -3.0, "canopy_offset": 0.0, "crown_share": 0.0}
 
 
-def test_the_curve_rises_to_the_right_and_the_plan_lies_on_it():
+def test_the_detection_curve_increases_and_passes_through_the_plan():
     planned = plan(PlanRequest(**SCENE, **OWN, samples=16, baseline=2.0))
     curve = detection_curve(planned)
     points = [tuple(map(float, point.split(","))) for point in curve.points.split()]

@@ -160,7 +160,7 @@ def test_a_png_has_its_background_and_its_width(look, tmp_path):
         pytest.param("pdf", marks=pytest.mark.slow),
     ],
 )
-def test_names_are_text_whatever_they_hold(name, form, tmp_path):
+def test_names_in_figures_are_shown_as_plain_text(name, form, tmp_path):
     hostile = shown("density")._replace(scene=name)
     content = rendered(KINDS["density"], hostile, form)
     if form == "svg":
@@ -246,7 +246,7 @@ plot density --density 0 --occluder-size 0.2 --volume-height 9 | no occluder is 
 
 
 @pytest.mark.parametrize("case", WRONG.strip().splitlines())
-def test_wrong_requests_get_one_line(case, capsys, tmp_path, monkeypatch):
+def test_invalid_figure_requests_give_one_error_line(case, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     line, words, hint = (part.strip() for part in case.split("|"))
     assert run(line.split()) == 2

@@ -112,7 +112,7 @@ def test_a_grid_is_to_scale_and_in_order(figure_of):
     assert np.ptp(bar.get_xdata()) == pytest.approx(float(label[:-2]))
 
 
-def test_the_common_footprint_covers_no_number_and_the_take_off_is_drawn(figure_of):
+def test_numbers_are_drawn_above_the_common_footprint_with_the_takeoff(figure_of):
     (panel,) = figure_of("grid").axes
     home = [line for line in panel.lines if line.get_marker() == "P"]
     assert points(home[0]).tolist() == [list(shown("grid").takeoff)]
@@ -239,7 +239,7 @@ def test_pictures_look_as_approved():
     ],
     ids=["share", "star", "curve"],
 )
-def test_a_wrong_figure_does_not_look_as_approved(wrong):
+def test_a_changed_figure_differs_from_the_approved_picture(wrong):
     from approved.make import SMALL
 
     told = wrong(curve_of(paper_forest().scene, 0.98, 40.0))

@@ -96,7 +96,7 @@ def test_a_map_that_spans_much_has_logarithmic_colours(most, scale):
     assert float(mesh.norm(5.0)) == pytest.approx((place - low) / (high - low))
 
 
-def test_a_map_says_what_cannot_be_met_and_what_is_missing(tmp_path):
+def test_a_map_describes_infeasible_and_missing_scenarios(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text(
         "scene,altitude,samples,status\na,40,10,ok\na,50,,infeasible\nb,40,20,ok\nb,40,,infeasible\n"
@@ -139,7 +139,7 @@ def test_a_map_of_too_many_cells_is_refused(tmp_path):
         results_of(str(path), ColumnChoice("altitude", "vhat", "samples"))
 
 
-def test_a_sweep_draws_itself_as_plot_draws_its_results(campaign, tmp_path, capsys):
+def test_sweep_draws_the_same_figure_as_plot(campaign, tmp_path, capsys):
     names = ["altitude", "vhat", "samples"]
     line = ["sweep", str(campaign / "campaign.toml"), "--out", str(tmp_path / "r.csv")]
     flags = [
@@ -330,7 +330,7 @@ def test_a_figure_of_too_many_maps_is_refused():
         frame_of(pl.DataFrame(rows).lazy(), ColumnChoice("a", "b", "samples", "c"))
 
 
-def test_both_commands_take_the_third_column(campaign, tmp_path, capsys):
+def test_plot_and_sweep_accept_a_third_column(campaign, tmp_path, capsys):
     results, own = campaign / "r.parquet", tmp_path / "own.svg"
     line = ["plot", "sweep", str(results), "--by", "altitude", "--out", str(own), "--json"]
     assert run(line) == 0

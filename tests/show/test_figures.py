@@ -40,7 +40,7 @@ def test_the_curves_of_visibility_are_the_models_own():
             assert (told.normalized, told.expected) == (normalized, expected)
 
 
-def test_the_plan_lies_on_the_first_curves():
+def test_the_first_curves_pass_through_the_plan():
     found = shown("visibility")
     by_samples, by_baseline = found.by_samples[0], found.by_baseline[0]
     assert by_samples.fixed == found.baseline_m
@@ -127,7 +127,7 @@ def test_the_footprint_of_a_grid_turns_with_the_heading():
     assert found.takeoff == pytest.approx((0.0, 11.12), abs=0.01)
 
 
-def test_what_all_photos_show_is_in_the_footprint_of_each():
+def test_the_common_ground_is_inside_the_footprint_of_each_photo():
     found = grid_of(planned(heading=200.0))
     heading = math.radians(200.0)
     for east, north in zip(found.east_m, found.north_m, strict=True):
@@ -168,7 +168,7 @@ def test_a_description_has_the_figures_numbers(kind):
     assert "None" not in text
 
 
-def test_the_description_of_a_plan_says_what_bound_it():
+def test_the_description_of_a_plan_names_its_limits():
     text = shown("visibility").description()
     assert "50 samples 2.8 m apart" in text
     assert "neighbouring photos already share no occluder" in text
@@ -180,7 +180,7 @@ def test_the_document_is_plain_json(kind):
     assert told
 
 
-def test_a_plan_for_the_best_has_no_target_to_draw():
+def test_figures_of_a_plan_with_a_maximised_objective_have_no_target():
     kind = KINDS["visibility"]
     for optimize, aimed in (("samples", True), ("visibility", False)):
         best = plan(PlanRequest(altitude=40, optimize=optimize, max_samples=60))

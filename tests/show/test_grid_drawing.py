@@ -63,13 +63,13 @@ def test_drawings_fit_their_size_and_show_both_ends(pattern, width, plain):
         (pattern_for("rectangle", 40 * 40), 4),  # It also hides two sites of neighbouring rows.
     ],
 )
-def test_every_site_is_a_dot_where_the_legend_says_so(pattern, under_marks):
+def test_every_site_is_drawn_as_a_dot_if_the_legend_says_so(pattern, under_marks):
     drawing, legend = parts_of(grid_picture(pattern))
     assert "dots are sites" in " ".join(legend)
     assert dots_of(drawing) == pattern.samples - under_marks
 
 
-def test_every_site_is_a_letter_where_the_legend_says_so():
+def test_every_site_is_drawn_as_a_letter_if_the_legend_says_so():
     drawing, legend = parts_of(grid_picture(pattern_for("lanes", 201), plain=True))
     assert "letters are sites" in " ".join(legend)
     assert "".join(drawing).count("o") == 201 - 2

@@ -34,7 +34,7 @@ def test_quantities_are_converted_and_nothing_else(metric, converted):
 
 
 @given(st.decimals(min_value="0.01", max_value=99999, places=2))
-def test_a_length_is_the_exact_one_to_its_digits(metres):
+def test_converted_lengths_are_exact_to_their_digits(metres):
     feet = imperial(f"{metres:,} m").removesuffix(" ft").replace(",", "")
     exact = Fraction(metres) / Fraction("0.3048")
     assert abs(Fraction(feet) - exact) <= exact * Fraction(1, 199)  # three digits

@@ -135,7 +135,7 @@ def test_numbers_are_those_of_the_document(page, default):
     assert (samples, baseline) == ("50", "2.80 m")
 
 
-def test_the_document_and_its_waypoints_stand_in_the_page_with_every_digit(page, default):
+def test_the_page_contains_document_and_waypoints_with_every_digit(page, default):
     document = default.document()
     waypoints = document.pop("waypoints")
     assert page.json("plan") == document
@@ -275,14 +275,14 @@ def test_curves_pass_through_the_plan(options):
         ({"optimize": "visibility", "max_samples": 9}, []),
     ],
 )
-def test_a_target_is_drawn_where_the_plan_was_made_for_one(options, words):
+def test_the_target_is_drawn_if_the_plan_has_one(options, words):
     for chart in charts_of(plan(PlanRequest(altitude=40, **options))):
         texts = [line.text for line in chart.levels]
         assert [text for text in texts if text.startswith("target")] == words
         assert {"∞ photos", "one photo"} <= set(texts)
 
 
-def test_bounds_are_drawn_where_they_lie():
+def test_limits_are_drawn_at_their_values():
     bounded = plan(PlanRequest(altitude=40, vhat=0.9, max_aperture=8.0, max_samples=20))
     by_samples, by_baseline = charts_of(bounded)
     (limit,) = (limit for limit in bounded.limits if limit.quantity == "extent_m")
@@ -294,7 +294,7 @@ def test_bounds_are_drawn_where_they_lie():
     assert line.place == pytest.approx(by_samples.chosen[0], abs=0.06)
 
 
-def test_a_clear_view_has_no_curves_and_no_picture():
+def test_the_page_of_a_scene_without_occluders_has_no_curves_and_no_picture():
     clear = plan(
         PlanRequest(altitude=40, integrated_density=0, occluder_size=0.2, volume_height=10)
     )
@@ -307,7 +307,7 @@ def test_a_clear_view_has_no_curves_and_no_picture():
 # Terrain
 
 
-def test_heights_along_the_way_are_those_of_the_waypoints(folder):
+def test_the_height_profile_has_the_heights_of_the_waypoints(folder):
     rasterio = pytest.importorskip("rasterio")
     corner = rasterio.transform.from_origin(449_800, 5_354_000, 1.0, 1.0)
     heights = np.add.outer(np.zeros(400), 300.0 + 0.1 * np.arange(400.0)).astype(np.float32)
@@ -364,7 +364,7 @@ def test_the_same_plan_and_seed_give_the_same_bytes(default, content):
     assert report_page(default, seed=2) != content
 
 
-def test_the_seed_is_on_the_page_and_no_picture_takes_none(command, folder):
+def test_the_page_shows_the_seed_only_with_a_picture(command, folder):
     assert command("plan", "--altitude", 40, "--report", "a.html", "--report-seed", 7)[0] == 0
     assert "seed 7" in (folder / "a.html").read_text()
     line = ("plan", "--altitude", 40, "--report", "b.html", "--no-report-picture")
@@ -420,7 +420,7 @@ def test_pages_and_waypoints_are_written_together_or_not_at_all(command, folder)
         (["--report", "a.html", "--visibility", "0.9"], "out of reach"),
     ],
 )
-def test_what_cannot_be_written_is_one_error_and_no_page(command, folder, arguments, message):
+def test_unwritable_pages_give_one_error_and_no_page(command, folder, arguments, message):
     status, out, err = command("plan", "--altitude", "40", *arguments)
     assert (status, out) == (2, b"")
     assert message in err
@@ -448,7 +448,7 @@ def test_a_missing_extra_is_one_line_and_a_hint(command, monkeypatch, missing, p
         check_extra(picture=False)
 
 
-def test_plans_that_are_not_simulated_say_why():
+def test_pages_without_simulated_pictures_give_the_reason():
     for options, reason in (
         (
             {"hold_error": 0.3, "vhat": 0.8},

@@ -157,7 +157,7 @@ def overflow(page):
 
 
 @pytest.mark.parametrize("name", PLANS)
-def test_a_page_holds_the_plans_own_numbers(pages, opened, name):
+def test_a_page_shows_the_numbers_of_its_plan(pages, opened, name):
     planned, path = pages(name)
     document = planned.document()
     with opened(path) as page:
@@ -451,7 +451,7 @@ def test_paper_of_another_shape_leaves_the_map_to_scale(pages, opened):
 
 
 @pytest.mark.parametrize("settings", [DESK, PHONE], ids=["desk", "phone"])
-def test_a_hostile_name_is_text_and_breaks_no_layout(pages, opened, tmp_path, settings):
+def test_a_malicious_name_is_shown_as_text_within_the_layout(pages, opened, tmp_path, settings):
     scene = {"name": HOSTILE, "title": HOSTILE, "density": 0.01, "occluder_size_m": 0.2}
     scene |= {"volume_base_m": 2.0, "volume_height_m": 15.0}
     camera = {"name": HOSTILE, "title": HOSTILE, "focal_length_mm": 9.1, "sensor_width_mm": 7.68}

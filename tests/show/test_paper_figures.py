@@ -269,7 +269,7 @@ def test_the_help_lists_the_figures(capsys):
     assert "Figures of the paper" not in capsys.readouterr().out
 
 
-def test_the_command_draws_and_says_what_it_drew(tmp_path, capsys):
+def test_the_command_draws_a_paper_figure_and_prints_its_description(tmp_path, capsys):
     path = tmp_path / "figure.png"
     assert run(["plot", "paper", "2b", "--dark", "--out", str(path), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

@@ -108,7 +108,7 @@ def test_the_table_has_every_waypoint():
         assert shown["photo"] == ("yes" if row.photo else "no")
 
 
-def test_large_plans_have_a_map_alone_and_larger_ones_say_so():
+def test_large_plans_have_only_a_map_and_larger_ones_a_note():
     assert len(planned("large").waypoints) > MOST_ROWS
     assert still_map(planned("large")).rows == []
     request = PlanRequest(altitude=40, vhat=0.1, samples=MOST_SITES + 1, baseline=2.8)
@@ -125,7 +125,7 @@ def unscripted(request, chromium):
 
 
 @pytest.mark.parametrize("name", ["default", "lanes", "large"])
-def test_without_a_script_the_page_shows_what_needs_none(unscripted, tmp_path, name):
+def test_without_scripts_the_page_shows_its_static_content(unscripted, tmp_path, name):
     page, found = unscripted, planned(name)
     path = tmp_path / "plan.html"
     path.write_bytes(report_page(found, seed=None))
@@ -145,7 +145,7 @@ def test_without_a_script_the_page_shows_what_needs_none(unscripted, tmp_path, n
         assert rows.first.is_visible()
 
 
-def test_a_hostile_name_is_text_without_a_script_too(unscripted, tmp_path):
+def test_a_malicious_name_is_shown_as_text_without_scripts(unscripted, tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(
         "name = '</desc></noscript><b id=broken>x</b>'\ndensity = 0.01\noccluder_size_m = 0.2\n"

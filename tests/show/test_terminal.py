@@ -99,7 +99,7 @@ def test_text_without_unicode_has_no_replacement_characters(arguments):
         assert max(map(len, text.splitlines() if text == done.stdout.decode() else [""])) <= 80
 
 
-def test_every_character_of_the_project_has_one_in_ascii():
+def test_every_special_character_has_an_ascii_replacement():
     beyond = set()
     for path in sorted(Path(aosplan.__file__).parent.rglob("*.py")):
         if path.name == "xml_text.py":  # ranges of characters

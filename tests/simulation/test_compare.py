@@ -76,7 +76,7 @@ def test_a_model_that_is_off_in_density_is_caught(flight, change):
 @pytest.mark.parametrize(
     ("forest", "view"), [("uniform", "perspective"), ("layered", "telecentric")]
 )
-def test_leaves_hide_what_is_predicted_for_the_length_of_rays(flight, forest, view):
+def test_simulated_leaves_agree_with_the_prediction_by_ray_length(flight, forest, view):
     settings = Settings(1, 0.004, forest, view)
     of_cubes, of_leaves = (
         simulate(flight, settings._replace(occluders=kind)) for kind in ("cubes", "leaves")
@@ -147,13 +147,13 @@ def test_no_more_is_simulated_than_the_precision_asks_for(flight):
     assert error > 0.0015 / 1.5  # Between two checks, the number of volumes increases by a quarter.
 
 
-def test_a_bound_on_targets_ends_a_simulation_and_is_told(flight):
+def test_a_limit_on_targets_ends_a_simulation_and_is_reported(flight):
     found = simulate(flight, Settings(1, 1e-6, "noise", most_targets=5_000_000))
     assert found.targets <= 5_000_000
     assert not found.precise
 
 
-def test_a_seed_gives_the_same_document_and_another_one_another(flight):
+def test_equal_seeds_give_equal_documents_and_other_seeds_others(flight):
     one, same, other = (
         simulate(flight, Settings(seed, 0.01, "uniform", "telecentric")).document()
         for seed in (5, 5, 6)
@@ -223,7 +223,7 @@ def test_slanted_predictions_are_those_of_independent_views():
 
 
 @pytest.mark.slow
-def test_patches_stand_for_the_whole_target_area(monkeypatch):
+def test_patches_represent_the_whole_target_area(monkeypatch):
     def experiment(area):
         return ForestExperiment(
             3,
@@ -311,7 +311,7 @@ def test_a_single_view_shows_what_one_photo_shows():
         ),
     ],
 )
-def test_what_cannot_be_simulated_is_refused(change, settings, words):
+def test_plans_that_cannot_be_simulated_are_refused(change, settings, words):
     with pytest.raises(RequestError, match=words) as caught:
         simulate(plan(PlanRequest(**(QUICK | change))), settings)
     assert caught.value.hint
@@ -361,7 +361,7 @@ def test_the_middle_view_is_the_nearest_to_the_middle():
     assert middle_of(np.zeros((1, 2))) == 0
 
 
-def test_the_stated_error_is_none_for_patterns_and_small_for_volumes(flight):
+def test_the_systematic_error_is_zero_for_patterns_and_small_for_volumes(flight):
     noise = simulate(flight, Settings(1, 0.05, "noise")).tolerance
     assert set(noise.values()) == {0.0}
     volumes = simulate(flight, Settings(1, 0.05, "uniform", "telecentric")).tolerance

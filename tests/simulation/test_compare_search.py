@@ -27,7 +27,7 @@ def test_six_slices_are_found_as_predicted_at_the_same_threshold(compared):
     assert compared.targets == 4 * 8 * 9
 
 
-def test_as_much_is_seen_as_predicted(compared):
+def test_simulated_seen_shares_agree_with_the_prediction(compared):
     for share, predicted, found, error in zip(
         SHARES, compared.seen_predicted, compared.seen, compared.seen_errors, strict=True
     ):
@@ -46,7 +46,7 @@ def test_the_same_seed_finds_the_same_and_another_does_not():
     assert one.seen != other.seen
 
 
-def test_what_cannot_be_searched_is_refused():
+def test_plans_that_cannot_be_searched_are_refused():
     with pytest.raises(RequestError, match="has no target to find"):
         compare_search(plan(PlanRequest(altitude=30, **SCENE)))
     planned = plan(PlanRequest(**SCENE, **FLOWN, **OWN))

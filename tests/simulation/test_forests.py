@@ -35,7 +35,7 @@ def test_a_uniform_forest_has_its_slice_density_in_every_slice():
     assert abs(cubes[8:].mean() - 0.1) < 4 * error / math.sqrt(40)
 
 
-def test_a_uniform_forest_hides_what_the_paper_counts():
+def test_a_uniform_forest_hides_the_share_of_equation_1():
     # A ray passes each of l/o slices with probability 1 - D.
     hidden = [
         uniform_forest(generator(2, i), 0.02, 0.5, 1.0, 14.75, (30.0, 30.0)).column_occupancy

@@ -66,7 +66,7 @@ def beta_samples(rng, number, views, targets):
 
 
 @pytest.mark.parametrize("number", [16, 64])
-def test_standard_errors_are_calibrated_where_samples_differ(number):
+def test_standard_errors_are_calibrated_for_different_samples(number):
     rng = np.random.default_rng(3)
     z = []
     for _ in range(800):

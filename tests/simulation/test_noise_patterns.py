@@ -33,7 +33,7 @@ def test_a_view_is_the_pattern_shifted_pixel_by_pixel():
 
 
 @pytest.mark.parametrize("reach", [(0.0, 0.0), (17.2, 3.1), (0.3, 60.0)])
-def test_a_pattern_reaches_as_far_as_its_views(reach):
+def test_a_noise_pattern_covers_all_its_views(reach):
     for seed in range(50):
         pattern = noise_pattern(generator(seed), 0.5, 3.3, (11, 7), reach)
         assert pattern.view((11, 7), reach).shape == (11, 7)

@@ -72,7 +72,7 @@ def test_every_option_has_an_effect(command):
     assert err.startswith("warning: the standard errors are still above 0.002")
 
 
-def test_the_table_says_what_is_planned_predicted_and_seen(command):
+def test_the_table_shows_planned_predicted_and_simulated_values(command):
     status, out, err = command()
     assert (status, err) == (0, "")
     assert "planned" in out
@@ -123,7 +123,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("arguments", "words"), REFUSED, ids=lambda value: str(value)[:40])
-def test_what_is_wrong_is_named_in_one_line_and_leaves_nothing(command, folder, arguments, words):
+def test_wrong_simulate_options_give_one_error_line_and_no_files(command, folder, arguments, words):
     status, out, err = command(*arguments)
     assert (status, out) == (2, "")
     lines = [line for line in err.splitlines() if not line.startswith("warning: ")]
@@ -140,7 +140,7 @@ def test_without_the_extra_nothing_is_simulated_for_a_picture(command, monkeypat
     assert 'hint: pip install "aosplan[pictures]"' in err
 
 
-def test_an_interruption_leaves_nothing(command, folder, monkeypatch):
+def test_an_interruption_leaves_no_files(command, folder, monkeypatch):
     def interrupted(*_arguments, **_options):
         raise KeyboardInterrupt
 
@@ -164,7 +164,7 @@ def test_progress_is_shown_on_a_terminal_only(command, monkeypatch):
     assert "Predicted and simulated agree." in out
 
 
-def test_bare_ground_is_no_error(command):
+def test_bare_ground_can_be_simulated(command):
     status, out, _ = command("--density", "0", "--json")
     document = json.loads(out)
     assert status == 0
@@ -179,7 +179,7 @@ CLOUD = CLOUDS / "UAS_Clip.laz"
 
 @pytest.mark.skipif(not CLOUD.exists(), reason="the cloud is not at hand")
 @pytest.mark.slow
-def test_a_cloud_is_simulated_as_it_stands(capsys):
+def test_a_cloud_is_simulated_with_its_own_voxels(capsys):
     line = ["simulate", "--altitude", "50", "--scene", str(CLOUD), "--samples", "49"]
     line += ["--baseline", "3.5", "--min-height", "0.5", "--opacity", "voxels", "--json"]
     found = {}

@@ -80,7 +80,7 @@ def test_ssim_follows_the_formula_at_a_single_window():
     assert found.ssim == pytest.approx(expected, abs=1e-12)
 
 
-def test_what_is_not_covered_does_not_matter():
+def test_pixels_that_are_not_covered_do_not_change_ssim():
     covered = np.zeros((60, 70), bool)
     covered[10:50, 5:60] = True
     image, reference = noisy(1), noisy(2)
@@ -90,7 +90,7 @@ def test_what_is_not_covered_does_not_matter():
     assert similarity(image, reference, covered, 255.0) == before
 
 
-def test_without_a_covered_window_there_is_nothing_to_compare():
+def test_images_without_a_covered_window_are_refused():
     with pytest.raises(RequestError, match="11 x 11 pixels"):
         similarity(noisy(1), noisy(2), np.eye(70, dtype=bool)[:60])
     with pytest.raises(RequestError, match="the same value"):

@@ -38,7 +38,7 @@ def test_a_window_shows_the_same_targets_as_the_whole_plot(stand, view, window):
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_tiles_and_batches_change_no_count(stand, view, monkeypatch):
+def test_counts_do_not_depend_on_tiles_and_batches(stand, view, monkeypatch):
     positions = sites(12, 1.7)
     window = PlotWindow(3, 7, 101, 150)
     whole = VoxelViews(stand, 30.0, view=view, window=window)

@@ -170,7 +170,7 @@ def test_each_row_is_the_smallest_baseline_of_its_samples(model, grid):
     assert (chosen.pattern, chosen.baseline_m) == (solution.pattern, solution.baseline_m)
 
 
-def test_the_front_is_what_no_row_beats():
+def test_the_pareto_front_has_the_rows_that_no_row_dominates():
     problems = [
         Problem(SLICES, vhat("0.9"), grid, Bounds(max_samples=60), "time") for grid in kinds("best")
     ]
@@ -193,7 +193,7 @@ def test_the_front_is_what_no_row_beats():
             assert beaten or measured.count(one) > 1
 
 
-def test_rows_of_a_measured_stand_are_its_models_own():
+def test_trade_off_rows_of_a_measured_stand_agree_with_its_model():
     problem = hedge_problem(GridKind(), objective="time")
     solution = solve(problem)
     rows = tradeoff([problem], problem, solution)
@@ -209,7 +209,7 @@ def test_rows_of_a_measured_stand_are_its_models_own():
         assert row.meets == any(reached)
 
 
-def test_a_clear_scene_has_nothing_to_trade():
+def test_a_scene_without_occluders_has_no_trade_off():
     clear = plan(PlanRequest(altitude=40, density=0, occluder_size=0.2, volume_height=9))
     with pytest.raises(Exception, match="no occluder is above"):
         clear.tradeoff()

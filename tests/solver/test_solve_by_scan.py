@@ -75,7 +75,7 @@ def beech():
 
 @pytest.mark.parametrize("objective", ["samples", "aperture"])
 @pytest.mark.parametrize("target", ["0.9", "0.95", "0.98"])
-def test_a_model_that_rises_is_solved_as_by_the_solver_that_knows(objective, target):
+def test_the_scan_of_a_monotone_model_agrees_with_the_monotone_solver(objective, target):
     model = LayeredModel(LAYERS, 40.0)
     known = solve(Problem(model, vhat(target), objective=objective))
     found = solve_by_scan(Problem(Scanned(model), vhat(target), objective=objective))
@@ -121,7 +121,7 @@ def test_the_best_visibility_of_the_uniform_model_takes_the_fewest_samples_near_
 
 
 @pytest.mark.parametrize("density", [0.9, 0.98, 0.998])
-def test_where_little_is_seen_the_slack_is_one_per_cent_of_it(density):
+def test_for_low_visibility_the_slack_is_one_per_cent_of_the_best_value(density):
     """For small visibilities, the slack is not 0.5 % of the ground, because a single photo might be
     within such a slack.
     """
@@ -220,7 +220,7 @@ def test_the_width_of_a_plot_limits_the_aperture(beech):
     )
 
 
-def test_out_of_reach_says_what_a_measured_stand_reaches(beech):
+def test_the_error_for_a_measured_stand_gives_its_best_value(beech):
     with pytest.raises(InfeasibleError, match=r"V̂ = 0.999 is out of reach") as caught:
         solve_by_scan(beech._replace(requirement=vhat("0.999")))
     said = re.search(

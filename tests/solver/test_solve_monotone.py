@@ -242,7 +242,7 @@ def test_with_both_fixed_the_plan_is_only_evaluated(objective):
         assert found.met == reaches(problem, found.pattern, baseline)
 
 
-def test_with_both_fixed_a_visibility_that_nothing_reaches_is_missed_not_refused():
+def test_with_both_fixed_an_unreachable_visibility_is_missed_and_not_refused():
     """Infinitely many samples would reach 0.6785.  The plan is still computed."""
     for baseline in (3.5, 1.0):
         problem = Problem(PAPER, visible("0.9"), bounds=Bounds(baseline_m=baseline, samples=49))
@@ -276,7 +276,7 @@ def test_samples_required_are_the_fewest_that_do_at_the_baseline_of_the_answer(g
     assert solved == 30
 
 
-def test_samples_required_tell_what_a_missed_target_would_need():
+def test_samples_required_give_the_number_a_missed_target_needs():
     for baseline, required in ((3.5, 50), (7.0, 50), (1.75, 100)):
         problem = Problem(PAPER, vhat("0.98"), bounds=Bounds(baseline_m=baseline, samples=9))
         found = solve(problem)
@@ -288,7 +288,7 @@ def test_samples_required_tell_what_a_missed_target_would_need():
             assert found.samples_required > required
 
 
-def test_samples_required_are_null_where_no_plan_has_so_many():
+def test_samples_required_are_null_if_no_plan_can_have_so_many():
     found = solve(Problem(PAPER, vhat("0.98"), bounds=Bounds(baseline_m=1e-4, samples=9)))
     assert found.samples_required is None
 
@@ -297,7 +297,7 @@ def test_samples_required_are_null_where_no_plan_has_so_many():
 
 
 @given(samples=st.integers(2, 10**6))
-def test_a_target_that_a_count_meets_exactly_takes_that_count(samples):
+def test_a_target_met_exactly_by_a_sample_count_gets_that_count(samples):
     found = solve(Problem(PAPER, vhat(1 - Fraction(1, samples))))
     assert found.pattern.samples == samples
     assert found.samples_required == samples
@@ -314,7 +314,7 @@ def test_a_shortfall_too_large_by_half_the_tolerance_passes_and_by_twice_does_no
             assert found.samples_required == expected
 
 
-def test_a_visibility_that_a_count_meets_exactly_takes_that_count():
+def test_a_visibility_met_exactly_by_a_sample_count_gets_that_count():
     """V = T (1 + p (1 - 1/N)) as a decimal is met exactly, although p and V are rounded."""
     for p, target, samples in (
         ("0.4", "0.8", 6),
@@ -353,7 +353,7 @@ def test_98_percent_by_every_kind_of_grid(grid, samples):
     assert found.samples_required == (51 if grid == "lanes" else 50)
 
 
-def test_a_target_of_nothing_takes_one_sample():
+def test_a_target_of_zero_needs_one_sample():
     for requirement in (vhat("0"), visible("0.4"), visible("0")):
         for objective in OBJECTIVES:
             found = solve(Problem(PAPER, requirement, objective=objective))

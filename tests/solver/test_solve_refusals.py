@@ -34,7 +34,7 @@ def limits(solution):
     return {limit.quantity: limit for limit in solution.limits}
 
 
-def test_the_limits_name_what_bound_the_result():
+def test_the_limits_name_the_bounds_that_were_reached():
     free = limits(solve(Problem(PAPER, vhat("0.98"))))
     assert set(free) == {"baseline_m", "normalized"}
     assert free["baseline_m"].bound == 3.5
@@ -53,7 +53,7 @@ def test_the_limits_name_what_bound_the_result():
     assert fixed["samples"].message == "the number of photos is given"
 
 
-def test_every_limit_is_told_with_its_value_and_in_words():
+def test_every_limit_is_described_with_its_value():
     for objective in OBJECTIVES:
         for problem in problems(7, 15, grid="trimmed", objective=objective):
             found = attempt(problem)
@@ -126,7 +126,7 @@ def test_the_aperture_that_a_refusal_calls_enough_is_enough(grid):
 
 
 @pytest.mark.parametrize("grid", KINDS)
-def test_a_refusal_without_a_remedy_has_none_among_apertures(grid):
+def test_if_a_refusal_has_no_remedy_no_larger_aperture_helps(grid):
     for problem in problems(10, 100, grid=grid, objective="samples", aperture=True):
         if enumerate_samples(problem, problem.bounds.max_samples) is not None:
             continue
@@ -168,7 +168,7 @@ def test_the_baseline_and_samples_in_a_refusal_meet_the_target(baseline):
         assert found.pattern.samples == samples
 
 
-def test_a_baseline_of_few_digits_is_named_as_it_is():
+def test_a_baseline_with_few_digits_is_not_rounded_in_messages():
     error = refused(Problem(PAPER, vhat("0.98"), bounds=Bounds(baseline_m=1.0, max_samples=50)))
     assert "--baseline 3.5 on" in error.hint
 
@@ -185,7 +185,7 @@ def test_a_baseline_that_breaks_the_bound_on_the_aperture_is_refused():
 
 
 @pytest.mark.parametrize("grid", KINDS)
-def test_too_few_fixed_samples_are_refused_with_the_number_that_does(grid):
+def test_too_few_fixed_samples_are_refused_with_a_sufficient_number(grid):
     for samples in (1, 7, 36):
         error = refused(Problem(PAPER, vhat("0.98"), GridKind(grid), Bounds(samples=samples)))
         best, baseline = numbers(

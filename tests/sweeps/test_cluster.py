@@ -342,7 +342,7 @@ def nobody():
 
 
 @pytest.mark.parametrize("what", ["silent", "nobody"])
-def test_where_no_scheduler_answers_it_is_an_error(
+def test_an_address_without_a_scheduler_is_an_error(
     campaign, tmp_path, monkeypatch, capsys, request, what
 ):
     monkeypatch.setattr(cluster_module, "CONNECT_S", 1.0)
@@ -365,7 +365,7 @@ def test_the_address_of_a_worker_is_refused_as_scheduler(cluster, campaign, tmp_
 
 
 @pytest.mark.parametrize("address", ["", "head", "head:", "http://head:80", "tcp://a b:1", "8786"])
-def test_what_is_no_address_is_an_error(campaign, tmp_path, capsys, address):
+def test_invalid_scheduler_addresses_are_refused(campaign, tmp_path, capsys, address):
     assert sweep(campaign, "--out", tmp_path / "r.csv", "--scheduler", address) == 2
     assert_error(capsys, f"--scheduler '{address}'", "tcp://")
     assert os.listdir(tmp_path) == []

@@ -50,7 +50,7 @@ def test_rows_have_the_detection_of_their_plan(swept, command):
     )
 
 
-def test_rows_that_look_for_nothing_have_none(swept):
+def test_rows_without_a_target_have_no_detection(swept):
     assert all("detection_probability" not in row for row in swept(SWEEP))
     asked = swept(SWEEP, "--columns", "samples,detection_probability")
     assert [row["detection_probability"] for row in asked] == [""] * 4

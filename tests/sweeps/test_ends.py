@@ -316,7 +316,7 @@ def test_file_names_are_not_written_as_spreadsheet_formulas(tmp_path, monkeypatc
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of addresses")
 @pytest.mark.parametrize("megabytes", [300, 600, 900])
 @pytest.mark.parametrize("where", [["--summary"], ["--out", "r.csv"]])
-def test_too_little_memory_is_one_error_line(campaign, tmp_path, megabytes, where):
+def test_too_little_memory_gives_one_error_line(campaign, tmp_path, megabytes, where):
     # polars would end the process with its own message.
     import resource
 

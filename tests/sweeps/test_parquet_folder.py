@@ -51,7 +51,7 @@ def solved(monkeypatch):
     return places
 
 
-def test_a_folder_has_the_rows_of_a_file_and_nothing_else(campaign, tmp_path):
+def test_a_folder_result_has_the_rows_of_a_file_and_no_other_files(campaign, tmp_path):
     folder, file = tmp_path / "r.parquet", tmp_path / "whole.parquet"
     assert sweep(campaign, "--out", f"{folder}/") == 0
     assert sweep(campaign, "--out", file) == 0
@@ -73,7 +73,7 @@ def test_conditions_keep_rows_of_every_part(campaign, tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["truncated", "turned", "gone"])
-def test_a_damaged_part_and_no_other_is_written_anew(campaign, tmp_path, solved, damage):
+def test_only_a_damaged_part_is_written_again(campaign, tmp_path, solved, damage):
     folder = tmp_path / "r.parquet"
     assert sweep(campaign, "--out", f"{folder}/") == 0
     before = contents(folder)
@@ -161,7 +161,7 @@ def test_an_earlier_folder_stays_unless_forced(campaign, tmp_path, capsys):
     assert "has no journal" in capsys.readouterr().err
 
 
-def test_what_came_while_a_sweep_ran_is_left_alone(campaign, tmp_path, monkeypatch, capsys):
+def test_files_created_during_a_sweep_are_not_changed(campaign, tmp_path, monkeypatch, capsys):
     solve, folder = run_module.solve_part, tmp_path / "r"
 
     def other(sweep, index, *rest):
@@ -181,7 +181,7 @@ def test_what_came_while_a_sweep_ran_is_left_alone(campaign, tmp_path, monkeypat
     assert sorted(os.listdir(tmp_path)) == ["campaign.toml", "r", "r.journal.jsonl"]
 
 
-def test_an_earlier_folder_is_whole_until_another_takes_its_place(campaign, tmp_path, monkeypatch):
+def test_an_earlier_folder_remains_complete_until_it_is_replaced(campaign, tmp_path, monkeypatch):
     folder = tmp_path / "r"
     assert sweep(campaign, "--out", f"{folder}/") == 0
     before = contents(folder)
@@ -198,7 +198,7 @@ def test_an_earlier_folder_is_whole_until_another_takes_its_place(campaign, tmp_
 
 
 @pytest.mark.parametrize("ending", ["", ".csv"])
-def test_a_link_stays_and_what_it_points_to_is_replaced(campaign, tmp_path, ending):
+def test_a_link_is_kept_and_its_target_is_replaced(campaign, tmp_path, ending):
     there, link = tmp_path / "there" / f"r{ending}", tmp_path / f"link{ending}"
     there.parent.mkdir()
     assert sweep(campaign, "--out", there if ending else f"{there}/") == 0
@@ -212,7 +212,7 @@ def test_a_link_stays_and_what_it_points_to_is_replaced(campaign, tmp_path, endi
 
 
 @pytest.mark.parametrize("force", [[], ["--force"], ["--resume"]])
-def test_what_no_sweep_wrote_is_left_alone(campaign, tmp_path, capsys, force):
+def test_files_that_no_sweep_wrote_are_not_changed(campaign, tmp_path, capsys, force):
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "thesis.txt").write_text("mine")
     assert sweep(campaign, "--out", tmp_path / "data", *force) == 2

@@ -241,7 +241,7 @@ def test_text_values_and_missing_values_are_separate_groups(tmp_path, capsys):
         assert sum(group["scenarios"] for group in parts) == 300
 
 
-def test_many_words_are_not_told_apart(monkeypatch):
+def test_inputs_with_many_text_values_are_not_listed_individually(monkeypatch):
     monkeypatch.setattr(outline_module, "MOST_GROUPS", 2)
     groups = grouping(ScenarioTable({"scene": column_of(["a", "b", "c", "a"])})).groups[0]
     assert groups.labels() == [{"value": "a"}, {"value": "b"}, {"others": True}]
@@ -249,7 +249,7 @@ def test_many_words_are_not_told_apart(monkeypatch):
 
 
 @given(st.sets(st.floats(1.0, 1e6), min_size=2, max_size=60))
-def test_every_number_lies_in_its_bin(values):
+def test_every_number_is_within_its_bin(values):
     groups = grouping(ScenarioProduct({"altitude": column_of(sorted(values))})).groups[0]
     assert len(groups.numbers) == (len(values) if len(values) <= 20 else 10)
     for value, place in zip(values, groups.places(np.array([*values])).tolist(), strict=True):
@@ -421,7 +421,7 @@ def test_a_sweep_without_any_plan_has_a_summary(tmp_path, capsys):
     assert sweep(path, "--summary") == 0
 
 
-def test_rows_that_are_only_evaluated_are_said_to_be(tmp_path, capsys):
+def test_the_summary_marks_rows_that_are_only_evaluated(tmp_path, capsys):
     path = tmp_path / "s.toml"
     path.write_text("[sweep]\naltitude = 40\nsamples = [2, 3]\nbaseline = 1\n")
     assert sweep(path, "--summary") == 0

@@ -216,7 +216,7 @@ def test_wrong_conditions_are_errors_before_anything_is_solved(
         ("parquet/", []),
     ],
 )
-def test_names_with_brackets_are_no_patterns(tmp_path, small_blocks, ending, best):
+def test_file_names_with_brackets_are_not_patterns(tmp_path, small_blocks, ending, best):
     for folder, altitude in (("g[1]", 40), ("g1", 99)):
         (tmp_path / folder).mkdir()
         rows = "".join(f"{altitude},{0.5 + 0.01 * row}\n" for row in range(40))
@@ -243,7 +243,7 @@ def test_names_of_files_write_no_escape_sequences(campaign, tmp_path, capsys):
     assert "f?[31m.svg" in told
 
 
-def test_a_result_that_is_named_twice_is_one_column(campaign, tmp_path):
+def test_a_result_named_twice_gives_one_column(campaign, tmp_path):
     out = tmp_path / "r.csv"
     assert sweep(campaign, "--out", out, "--columns", "samples,baseline_m,samples") == 0
     assert pl.read_csv(out).columns[-4:] == ["samples", "baseline_m", "status", "reason"]

@@ -66,7 +66,7 @@ def test_a_row_has_the_numbers_of_plan(folder, capsys):
 
 
 @pytest.mark.usefixtures("mine")
-def test_a_trade_off_takes_them_as_plan_does(capsys):
+def test_a_trade_off_uses_defaults_as_plan_does(capsys):
     for line in (["tradeoff", "--max-samples", "9"], ["plan"]):
         assert run([*line, "--vhat", "0.8", "--json"]) == 0
         request = json.loads(capsys.readouterr().out)["request"]

@@ -82,7 +82,7 @@ def test_the_sample_depends_on_nothing_but_the_sweep_and_the_seed(monkeypatch, r
     assert found[0] != sample(CROSSING, rows, 4)
 
 
-def test_what_rows_leave_out_is_a_word_of_its_own():
+def test_missing_values_are_a_separate_stratum():
     table = ScenarioTable(
         {
             "altitude": column_of([40.0, 50.0, 60.0, 70.0]),
@@ -226,7 +226,7 @@ def test_the_systematic_error_of_the_experiment_is_subtracted(noise_checks):
     assert beyond == pytest.approx(half / error, rel=1e-4)
 
 
-def test_where_nothing_is_hidden_nothing_is_compared():
+def test_rows_without_hidden_ground_have_no_comparisons():
     request = {"altitude": 40.0, "density": 0.0, "occluder_size": 0.2, "volume_height": 9.0}
     found = v.Verification(0, 0.005, (check(1, request),), ())
     document = found.document()
@@ -273,7 +273,7 @@ def test_a_row_is_simulated_again_from_its_document(campaign, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_the_table_says_how_to_see_the_worst_again(campaign, capsys):
+def test_the_table_gives_the_command_for_the_worst_row(campaign, capsys):
     with campaign.open("a") as file:
         file.write('scene = "open-woodland"\ncamera = "dji-h20t-thermal"\n')
     line = [campaign, "--simulate", 2, "--precision", 0.05]
@@ -295,7 +295,7 @@ def test_the_table_says_how_to_see_the_worst_again(campaign, capsys):
     assert simulated == worst["simulated"]
 
 
-def test_a_row_that_cannot_be_simulated_says_why(tmp_path, capsys):
+def test_a_row_that_cannot_be_simulated_has_a_reason(tmp_path, capsys):
     path = tmp_path / "s.toml"
     path.write_text("[sweep]\naltitude = [40, 50]\nvhat = 0.5\nhold_error = 0.2\n")
     assert sweep(path, "--simulate", 5, "--json") == 0

@@ -111,7 +111,7 @@ def test_a_header_of_a_million_columns_is_not_read(folder, refused, monkeypatch)
 
 
 @pytest.mark.parametrize("suffix", ["toml", "csv", "parquet"])
-def test_what_is_no_file_is_an_error(folder, refused, suffix):
+def test_paths_that_are_not_files_are_refused(folder, refused, suffix):
     assert f"no file 's.{suffix}'" in refused(f"s.{suffix}")
     (folder / f"s.{suffix}").mkdir()
     assert "is a folder, not a file" in refused(f"s.{suffix}")
@@ -145,7 +145,7 @@ def frames():
 
 
 @pytest.mark.parametrize("place", range(len(frames())))
-def test_a_parquet_from_elsewhere_that_is_no_sweep_is_an_error(folder, refused, place):
+def test_parquet_files_that_are_not_sweeps_are_refused(folder, refused, place):
     columns, words = frames()[place]
     pl.DataFrame(columns).write_parquet(folder / "s.parquet")
     error = refused("s.parquet")
@@ -264,7 +264,7 @@ def test_the_index_of_pandas_is_called_so(folder, refused):
         "altitude,vhat,,\r\n,,,\r\n40,0.9,,\r\n,,,\r\n",
     ],
 )
-def test_blank_rows_and_trailing_commas_are_no_scenarios(folder, encoding, text):
+def test_blank_rows_and_trailing_commas_are_not_scenarios(folder, encoding, text):
     (folder / "s.csv").write_bytes(text.encode(encoding))
     table = read_scenarios("s.csv")
     assert (table.names, table.rows) == (["altitude", "vhat"], 1)
