@@ -7,8 +7,9 @@ from dataclasses import fields
 import pytest
 
 from aosplan.errors import RequestError
+from aosplan.planning.option_relations import RANGE, RELATIONS, SEARCH
 from aosplan.planning.options import DEFAULTS
-from aosplan.planning.request import ALTERNATIVES, BY_NAME, OPTIONS, PlanRequest, request_from
+from aosplan.planning.request import BY_NAME, OPTIONS, PlanRequest, request_from
 from aosplan.scenes.files.canopy_raster import CROWN_BASE
 from aosplan.scenes.files.point_cloud import DEFAULT_VOXEL_M
 from aosplan.scenes.pulses.realise import LEAF_M
@@ -34,8 +35,9 @@ def test_flags_are_names_with_hyphens():
     assert BY_NAME["max_aperture"].flag == "--max-aperture"
 
 
-def test_alternatives_name_options_that_exist():
-    assert {name for ways in ALTERNATIVES for names in ways for name in names} <= set(BY_NAME)
+def test_relations_name_options_that_exist():
+    named = {each.option for rule in RELATIONS for each in (*rule.given, *rule.others)}
+    assert named <= {*BY_NAME, SEARCH, RANGE}
 
 
 def test_defaults_are_those_of_the_contract():

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
 from aosplan.flight.drones import DRONES
-from aosplan.planning.request import ALTERNATIVES, PlanRequest, request_from
+from aosplan.planning.option_relations import IS_THE_ONLY, RELATIONS
+from aosplan.planning.request import PlanRequest, request_from
 from aosplan.planning.user_defaults import find_defaults, usual_path
 
 MINE = 'drone = "dji-m30t"\naltitude = 50\ntakeoff = [48.0, 14.0]\nhold = 2\n'
@@ -265,8 +266,8 @@ layers = st.sets(st.sampled_from(sorted(VALUES)))
 
 
 def consistent(names):
-    leads = [[names & {ways[0]} for ways in alternatives] for alternatives in ALTERNATIVES]
-    if any(sum(map(bool, found)) > 1 for found in leads):
+    same = ({each.option for each in rule.given} for rule in RELATIONS if rule.verb == IS_THE_ONLY)
+    if any(len(names & options) > 1 for options in same):
         return False
     try:
         PlanRequest(

@@ -2,9 +2,9 @@
 
 - `aosplan.planning.request`: the request; `aosplan.planning.options`: the options, their defaults
   and their help; `aosplan.planning.option_parsers`: the parsers of their values.
-- `aosplan.planning.option_relations`: options that exclude each other, options that need another
-  option, and defaults that depend on other options; `aosplan.planning.aircraft`: options that the
-  drone determines.
+- `aosplan.planning.option_relations`: the table of options that exclude or need each other;
+  `aosplan.planning.dependent_defaults`: defaults that depend on other options;
+  `aosplan.planning.aircraft`: options that the drone determines.
 - `aosplan.planning.request_file`: requests from files; `aosplan.planning.saved_plan`: missions from saved
   plans; `aosplan.planning.saved_scene`: scenes as files.
 - `aosplan.planning.user_defaults`: the user's own defaults.
@@ -27,7 +27,6 @@
   `aosplan.planning.plan_schema`: the schema of this document.
 - `aosplan.planning.within_altitude`: the best flight at one altitude.
 - `aosplan.planning.guided`: sites that are chosen for one place with a point cloud of this place,
-  with `aosplan.planning.guided_candidates`, `aosplan.planning.guided_relations`,
-  `aosplan.planning.guided_result`, `aosplan.planning.plain_flights` and
-  `aosplan.planning.target_area`.
+  with `aosplan.planning.guided_candidates`, `aosplan.planning.guided_result`,
+  `aosplan.planning.plain_flights` and `aosplan.planning.target_area`.
 """

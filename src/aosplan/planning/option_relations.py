@@ -1,7 +1,7 @@
 """Relations between the options of a plan: options that exclude each other, and options that need
 another option.
 
-`PlanRequest` refuses combinations of options that these tables exclude.  Options may come from
+`PlanRequest` refuses combinations of options that `RELATIONS` excludes.  Options may come from
 several layers, such as flags and a request file.  An option of an upper layer removes the options
 of lower layers that it excludes.
 """
@@ -13,208 +13,306 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from aosplan.errors import RequestError
 from aosplan.grid.patterns import NARROWEST_TURNS
 from aosplan.models.signatures import SIGNATURES
-from aosplan.planning.option_parsers import PERSON
+from aosplan.planning.dependent_defaults import OF_LANES, OWN_SIGNATURE, is_search, searches_area
 from aosplan.planning.options import (
     BY_NAME,
-    DEFAULTS,
     FIND_OPTIONS,
-    NOT_SEARCHED,
     READING,
-    is_guided,
 )
 from aosplan.solver import refusals
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Mapping
 
 
-OWN_SIGNATURE = ("contrast", "canopy_offset", "crown_share")
-"""Options that describe a signature by numbers.  They are given together."""
-
-ALTERNATIVES = (
-    (("altitude",), ("gsd",), ("target_size", "target_pixels")),
-    (("vhat",), ("visibility",)),
-    (
-        ("origin", "around_radius"),
-        ("area", "clear", "no_fly", "buffer", "max_sites"),
-        ("around", "around_radius", "clear", "no_fly", "buffer", "max_sites"),
-    ),
-    (
-        ("scene", *READING),
-        ("density", "volume_height", "volume_base"),
-        ("integrated_density", "volume_height", "volume_base"),
-        (
-            "stems_per_hectare",
-            "crown_diameter",
-            "leaf_area_index",
-            "volume_height",
-            "volume_base",
-        ),
-    ),
-    (("signature",), OWN_SIGNATURE),
-    (
-        ("camera",),
-        ("focal_length", "sensor_width", "sensor_height", "image_width", "image_height"),
-        ("fov", "image_width", "image_height"),
-    ),
-)
-"""Sets of options. Options from different sets of the same row contradict each other."""
+SEARCH, RANGE = "search", "range"
+"""Names in conditions: the request needs a search over flights; its altitude is a range."""
 
 
-OPEN = "best"
-"""Value of an option that a search chooses."""
+class Condition(NamedTuple):
+    """A condition on one option.
 
-
-class Need(NamedTuple):
-    """Options that can only be given together with another option, their partner.
-
-    Attributes
-    ----------
-    options
-        The options.
-    partners
-        Options of which at least one is needed.
-    shown
-        Name of the partner in messages.
-    hint
-        The remedy.
-    value
-        Value that the partner must have; None if any value is allowed.
-    waits
-        Whether a default from the user's own file is ignored if its partner is missing. If it is
-        false, such a default is refused.
+    It is written as ``name`` (the option is given), ``name=VALUE|VALUE`` (it has one of these
+    values) or ``name!=VALUE|VALUE`` (it is given and has another value).  After ``name!=`` without
+    values, it has any value.
     """
 
-    options: tuple[str, ...]
-    partners: tuple[str, ...]
-    shown: str
-    hint: str
-    value: str | None = None
-    waits: bool = False
+    option: str
+    values: tuple[str, ...] = ()
+    others: bool = False
+
+    @classmethod
+    def read(cls, text: str) -> Condition:
+        """The condition of a text."""
+        option, _, allowed = text.partition("=")
+        values = tuple(allowed.split("|")) if allowed else ()
+        return cls(option.removesuffix("!"), values, option.endswith("!"))
 
     def is_met(self, values: Mapping[str, Any]) -> bool:
-        """Whether one of the partners is given."""
-        given = (values.get(partner) for partner in self.partners)
-        return any(
-            each is not None and (self.value is None or each in (self.value, OPEN))
-            for each in given
-        )
+        """Whether the values of a request meet the condition."""
+        value = values.get(self.option)
+        if value is None or value is False:
+            return False
+        return not self.values or (str(value) in self.values) is not self.others
+
+    def shown(self, values: Mapping[str, Any]) -> str:
+        """The option in messages, with its value if the condition is on the value."""
+        flag = flag_of(self.option, values)
+        return f"{flag} {values[self.option]}" if self.values or self.others else flag
 
 
-NEEDS = (
-    Need(FIND_OPTIONS[1:], ("find",), "--find", "give --find person, or --find WxL in metres"),
-    Need(
-        ("crown_diameter", "leaf_area_index", "volume_height", "volume_base"),
-        ("density", "integrated_density", "stems_per_hectare"),
-        "a density or --stems-per-hectare",
-        "give --density D, --integrated-density P or --stems-per-hectare N as well, or a "
-        "--scene alone",
-    ),
-    Need(
-        ("sensor_width", "sensor_height", "image_width", "image_height"),
-        ("focal_length", "fov"),
-        "--focal-length or --fov",
-        "give --focal-length MM or --fov DEG as well, or a --camera",
-    ),
-    Need(
-        ("max_blur", "exposure_time"),
-        ("trigger",),
-        "--trigger distance",
-        "give --trigger distance too",
-        value="distance",
-        waits=True,
-    ),
-    Need(("wind_from",), ("wind_speed",), "--wind-speed", "give --wind-speed too"),
-    Need(("wind_speed",), ("wind_from",), "--wind-from", "give --wind-from too"),
-    Need(
-        ("takeoff", "terrain"),
-        ("origin", "area", "around"),
-        "--origin LAT,LON",
-        "give --origin LAT,LON too",
-        waits=True,
-    ),
-    Need(
-        ("terrain_units", "terrain_tolerance"),
-        ("terrain",),
-        "--terrain",
-        "give --terrain too",
-        waits=True,
-    ),
-    Need(
-        ("clear", "no_fly", "buffer", "max_sites"),
-        ("area", "around"),
-        "--area",
-        "give --area FILE too",
-    ),
-    Need(("around_radius",), ("around", "origin"), "--around", "give --around FILE or --origin"),
-    Need(("buffer",), ("no_fly",), "--no-fly", "give --no-fly FILE too"),
-)
-"""Options that have a meaning only together with another option."""
-
-
-class Description(NamedTuple):
-    """A group of options that describe one thing together.
+class Relation(NamedTuple):
+    """A rule about options: `given`, `verb`, `others`.
 
     Attributes
     ----------
-    leading
-        If one of these is given, the group is in use.
-    parts
-        All of these are needed if the group is in use.
-    subject
-        Name of the described thing in messages.
-    hint
-        The remedy.
+    given
+        The rule applies if one of these conditions is met.  If there are none, it always applies.
+    verb
+        `IS_THE_ONLY`: only one of `given` may be met.  `EXCLUDES`: none of `others` may be met.
+        `NEEDS`: one of `others` has to be met.  `NEEDS_ALL`: all of `others` have to be met.
+    others
+        The conditions on other options.
+    message, hint
+        Texts for requests that break the rule.  They may contain ``{given}`` (the conditions in
+        `given` that are met), ``{flags}`` (these without their values), ``{need}`` (the verb),
+        ``{others}`` (the conditions that break the rule) and ``{grid}`` (the kind of grid).
+    yields
+        Whether options in a lower layer, such as a request file, are ignored if an option in an
+        upper layer, such as a flag, breaks the rule with them.
+    waits
+        Whether options in the user's own defaults are ignored if what they need is missing.
     """
 
-    leading: tuple[str, ...]
-    parts: tuple[str, ...]
-    subject: str
+    given: tuple[Condition, ...]
+    verb: str
+    others: tuple[Condition, ...]
+    message: str
     hint: str
+    yields: bool = False
+    waits: bool = False
 
 
+IS_THE_ONLY, EXCLUDES, NEEDS, NEEDS_ALL = "is the only", "excludes", "needs", "needs all"
+
+
+def _rule(
+    given: str, verb: str, others: str, message: str = "", hint: str = "", **layers: bool
+) -> Relation:
+    """A relation, with its conditions as text."""
+    first, second = (tuple(map(Condition.read, text.split())) for text in (given, others))
+    return Relation(first, verb, second, message, hint, **layers)
+
+
+def _same(options: str) -> Relation:
+    """Options that have the same meaning."""
+    message = "{given} have the same meaning"
+    return _rule(options, IS_THE_ONLY, "", message, "give only one of them", yields=True)
+
+
+def _against(given: str, others: str) -> Relation:
+    """Options that contradict the parts of another description of the same thing."""
+    message = "{given} and {others} contradict each other"
+    return _rule(given, EXCLUDES, others, message, "give only one of them", yields=True)
+
+
+def _unguided(given: str, reason: str) -> Relation:
+    """An option, or other values of it than those that guided positions allow."""
+    message = "{given} cannot be used with {others}, because " + reason
+    hint = "leave {flags} out, or give another --grid"
+    return _rule(given, EXCLUDES, "grid=guided", message, hint)
+
+
+def _unsearched(given: str, reason: str) -> Relation:
+    """An option that cannot be combined with a search."""
+    message = "{flags} cannot be used with {others}, because " + reason
+    return _rule(given, EXCLUDES, SEARCH, message, "leave {flags} out")
+
+
+_READING = " ".join(READING)
+_NO_INVENTORY = "crown_diameter leaf_area_index"
+_CAMERA = "a camera on the command line needs {others}"
 _CAMERA_HINT = "--fov or --focal-length, --sensor-width; --image-width and --image-height"
+_PLACE_HINT = "give --origin LAT,LON too"
 
-DESCRIPTIONS = (
-    Description(("target_pixels",), ("target_size",), "--target-pixels", ""),
-    Description(("target_size",), ("target_pixels",), "--target-size", ""),
-    Description(
-        ("density", "integrated_density"),
-        ("occluder_size", "volume_height"),
-        "a uniform scene",
+RELATIONS = (
+    # Two ways to give the same thing.
+    _same("altitude gsd target_size"),
+    _against("altitude gsd", "target_pixels"),
+    _same("vhat visibility"),
+    _same("origin area around"),
+    _against("origin", "clear no_fly buffer max_sites"),
+    _against("area", "around_radius"),
+    _same("scene density integrated_density stems_per_hectare"),
+    _against("scene", f"volume_height volume_base {_NO_INVENTORY}"),
+    _against("density", f"{_READING} {_NO_INVENTORY}"),
+    _against("integrated_density", f"{_READING} {_NO_INVENTORY}"),
+    _against("stems_per_hectare", _READING),
+    _same("signature contrast"),
+    _against("signature", "canopy_offset crown_share"),
+    _same("camera focal_length fov"),
+    _against("camera", "sensor_width sensor_height image_width image_height"),
+    _against("fov", "sensor_width sensor_height"),
+    # Guided positions.
+    _unguided(
+        "find!=",
+        "guided positions did not always find more targets than plain grids in simulations",
+    ),
+    _unguided(
+        "optimize!=visibility", "the positions are chosen for the visibility of the place"
+    ),
+    _unguided("trigger!=stop", "the positions are not on lines that can be flown through"),
+    _unguided("model!=measured", "the positions are chosen with the voxels of the place"),
+    _unguided("view!=perspective", "all photos show one place, in perspective"),
+    _unguided("edges!=auto|interior", "only positions whose rays stay on the plot are used"),
+    _unguided("hold_error!=0.0", "errors of the position are not part of the choice"),
+    _unguided("sensitivity", "the sensitivity is that of a grid"),
+    _unguided("allow_no_common_ground", "every photo shows the whole target area"),
+    *(
+        _rule(
+            given, EXCLUDES, "grid=guided",
+            "{given} cannot be used with --grid guided, because guided positions are chosen for a "
+            f"single {name}",
+            "give a number",
+        )
+        for given, name in (("heading=best", "heading"), (RANGE, "altitude"))
+    ),
+    _rule(
+        "grid=guided", NEEDS, "origin area around",
+        "--grid guided needs a location, because the positions are chosen for one place",
+        "give --origin LAT,LON or --area FILE",
+    ),
+    # Searches.
+    _rule(
+        RANGE, NEEDS, SEARCH, "{given} is a range",
+        "give --within MIN, which chooses an altitude from the range, or give a single altitude",
+    ),
+    _rule(
+        "trigger=best", NEEDS, SEARCH, "{given} {need} --within", "give --within MIN as well"
+    ),
+    _unsearched("resume_at!=0", "a resumed mission already has sites"),
+    _unsearched("line_length", "--within chooses the length of a line"),
+    _unsearched("sensitivity", "the sensitivity is computed only for a given grid"),
+    _rule(
+        "grid=spiral", EXCLUDES, SEARCH,
+        "{given} cannot be used with {others}, because the search does not include spirals",
+        "leave --grid out",
+    ),
+    # Options that are parts of a description.
+    _rule(
+        "", NEEDS, "altitude gsd target_size target_pixels", "no altitude is given",
+        "give --altitude M, or --gsd M, or --target-size M with --target-pixels K",
+    ),
+    _rule("target_pixels", NEEDS_ALL, "target_size", "{given} needs {others}"),
+    _rule("target_size", NEEDS_ALL, "target_pixels", "{given} needs {others}"),
+    _rule(
+        "density integrated_density", NEEDS_ALL, "occluder_size volume_height",
+        "a uniform scene needs {others}",
         "give --density D --occluder-size M --volume-height M, or --scene NAME",
     ),
-    Description(
-        ("stems_per_hectare",),
-        ("crown_diameter", "leaf_area_index", "volume_height"),
-        "an inventory",
+    _rule(
+        "stems_per_hectare", NEEDS_ALL, "crown_diameter leaf_area_index volume_height",
+        "an inventory needs {others}",
         "give --stems-per-hectare N --crown-diameter M --leaf-area-index L --volume-height M, or "
         "--scene NAME",
     ),
-    Description(
-        OWN_SIGNATURE,
-        OWN_SIGNATURE,
-        "a signature by numbers",
+    _rule(
+        " ".join(OWN_SIGNATURE), NEEDS_ALL, " ".join(OWN_SIGNATURE),
+        "a signature by numbers needs {others}",
         "give --contrast, --canopy-offset and --crown-share together, or --signature "
         + ", ".join(SIGNATURES),
     ),
-    Description(
-        ("focal_length",),
-        ("sensor_width", "image_width", "image_height"),
-        "a camera on the command line",
-        _CAMERA_HINT,
+    _rule(
+        "focal_length", NEEDS_ALL, "sensor_width image_width image_height", _CAMERA, _CAMERA_HINT
     ),
-    Description(
-        ("fov",), ("image_width", "image_height"), "a camera on the command line", _CAMERA_HINT
+    _rule("fov", NEEDS_ALL, "image_width image_height", _CAMERA, _CAMERA_HINT),
+    _rule(
+        " ".join(FIND_OPTIONS[1:]), NEEDS, "find", "{given} {need} --find",
+        "give --find person, or --find WxL in metres",
     ),
-)
-"""Groups of options that are given together or not at all."""
+    _rule(
+        f"{_NO_INVENTORY} volume_height volume_base", NEEDS,
+        "density integrated_density stems_per_hectare",
+        "{given} {need} a density or --stems-per-hectare",
+        "give --density D, --integrated-density P or --stems-per-hectare N as well, or a "
+        "--scene alone",
+    ),
+    _rule(
+        "sensor_width sensor_height image_width image_height", NEEDS, "focal_length fov",
+        "{given} {need} --focal-length or --fov",
+        "give --focal-length MM or --fov DEG as well, or a --camera",
+    ),
+    # A kind of grid and a trigger.
+    _rule(
+        "grid=spiral", EXCLUDES, "trigger=distance",
+        "{given} cannot be used with {others}, because a spiral has no straight lines",
+        "give --grid lanes or line, or --trigger stop", yields=True,
+    ),
+    # Options that have a meaning only together with another option.
+    _rule(
+        "max_blur exposure_time", NEEDS, "trigger=distance|best",
+        "{given} {need} --trigger distance", "give --trigger distance too",
+        yields=True, waits=True,
+    ),
+    _rule(
+        "wind_from", NEEDS, "wind_speed", "{given} {need} --wind-speed", "give --wind-speed too"
+    ),
+    _rule(
+        "wind_speed", NEEDS, "wind_from", "{given} {need} --wind-from", "give --wind-from too"
+    ),
+    _rule(
+        "takeoff terrain", NEEDS, "origin area around", "{given} {need} --origin LAT,LON",
+        _PLACE_HINT, waits=True,
+    ),
+    _rule(
+        "terrain_units terrain_tolerance", NEEDS, "terrain", "{given} {need} --terrain",
+        "give --terrain too", waits=True,
+    ),
+    _rule(
+        "clear no_fly buffer max_sites", NEEDS, "area around", "{given} {need} --area",
+        "give --area FILE too",
+    ),
+    _rule(
+        "around_radius", NEEDS, "around origin", "{given} {need} --around",
+        "give --around FILE or --origin",
+    ),
+    _rule("buffer", NEEDS, "no_fly", "{given} {need} --no-fly", "give --no-fly FILE too"),
+    # Kinds of grid.
+    *(
+        _rule(
+            options, NEEDS, needed, "{given} cannot be used with --grid {grid}",
+            "give --grid lanes, or leave the other options out", yields=True,
+        )
+        for options, needed in (
+            ("lanes lane_pitch", "grid=lanes|spiral|line|best"),
+            # For lines over an area, --lane-pitch gives the distance between lines.
+            ("lanes lane_pitch", "grid=lanes|spiral|best area around"),
+            ("lanes", "grid=lanes|best"),
+        )
+    ),
+    _rule(
+        "heading=auto", NEEDS, "area around", "{given} needs --area", "give --heading in degrees"
+    ),
+    _rule(
+        "line_length", EXCLUDES, "area around", "{given} and --area contradict each other",
+        "give only one",
+    ),
+    _rule(
+        "grid=spiral", EXCLUDES, "area around", "{given} cannot be repeated over an --area",
+        "give --grid lanes",
+    ),
+    _rule(
+        "line_length", NEEDS, "grid=line", "{given} cannot be used with --grid {grid}",
+        "give --grid line",
+    ),
+)  # fmt: skip
+"""The rules, in the order in which they are checked."""
 
-OF_LANES = ("lanes", "lane_pitch")
-"""Options of lanes."""
-
-LANE_OPTIONS = {"lanes": OF_LANES, "spiral": ("lane_pitch",), "best": OF_LANES}
-"""The options of lanes that each kind of grid accepts."""
+OWN_CAMERA = (
+    "camera", "focal_length", "sensor_width", "sensor_height", "fov", "image_width",
+    "image_height",
+)  # fmt: skip
+"""Options that describe a camera."""
 
 AIRCRAFT = ("drone", "payload", "autopilot", "camera_control")
 """Options that name the aircraft, which determines other options if one of these is given."""
@@ -234,153 +332,94 @@ BROUGHT_BY_DRONE = (
 """Options that a drone determines, in addition to its camera."""
 
 
-BEST = ("visibility", "contrast", "detection")
-"""Objectives that a search maximises within the time.  They need no target."""
+def check_relations(values: Mapping[str, Any]) -> None:
+    """Refuse a request whose options break a rule in `RELATIONS`.
 
-LEFT_OPEN = ("grid", "heading", "trigger")
-"""Options whose values a search chooses if they are not given."""
-
-
-def check_alternatives(values: Mapping[str, Any]) -> None:
-    """Refuse options that give the same quantity twice, or that contradict each other."""
-    for alternatives in ALTERNATIVES:
-        leading = [names[0] for names in alternatives if values[names[0]] is not None]
-        if len(leading) > 1:
-            flags = " and ".join(BY_NAME[name].flag for name in leading)
-            raise RequestError(f"{flags} have the same meaning", "give only one of them")
-        for names in alternatives:
-            if leading and names[0] == leading[0]:
-                unexpected = given_flags(values, sorted(_foreign(alternatives, names)))
-                if unexpected:
-                    raise RequestError(
-                        f"{BY_NAME[leading[0]].flag} and {' and '.join(unexpected)} contradict "
-                        "each other",
-                        "give only one of them",
-                    )
-
-
-def check_partners(values: Mapping[str, Any]) -> None:
-    """Refuse options that need another option which is not given."""
-    if not given_flags(values, ("altitude", "gsd", "target_size", "target_pixels")):
-        raise RequestError(
-            "no altitude is given",
-            "give --altitude M, or --gsd M, or --target-size M with --target-pixels K",
-        )
-    for described in DESCRIPTIONS:
-        if given_flags(values, described.leading):
-            missing = [name for name in described.parts if values[name] is None]
-            if missing:
-                raise RequestError(
-                    f"{described.subject} needs {BY_NAME[missing[0]].flag}", described.hint
-                )
-    for need in NEEDS:
-        unpaired = given_flags(values, need.options)
-        if unpaired and not need.is_met(values):
-            verb = "needs" if len(unpaired) == 1 else "need"
-            raise RequestError(f"{' and '.join(unpaired)} {verb} {need.shown}", need.hint)
+    Raises
+    ------
+    RequestError
+        If a rule is broken.  The message names the options.
+    """
+    known = {**values, SEARCH: _search_flag(values), RANGE: None}
+    if isinstance(values["altitude"], str):
+        known[RANGE] = f"--altitude {values['altitude']}"
+    for relation in RELATIONS:
+        given = [each for each in relation.given if each.is_met(known)]
+        if relation.given and not given:
+            continue
+        met = [each for each in relation.others if each.is_met(known)]
+        if relation.verb == IS_THE_ONLY:
+            broken = len(given) > 1
+        elif relation.verb == EXCLUDES:
+            broken = bool(met)
+        elif relation.verb == NEEDS:
+            broken = not met
+        else:
+            broken = len(met) < len(relation.others)
+            met = [each for each in relation.others if each not in met][:1]
+        if broken:
+            texts = {
+                "given": " and ".join(each.shown(known) for each in given),
+                "flags": " and ".join(flag_of(each.option, known) for each in given),
+                "others": " and ".join(each.shown(known) for each in sorted(met)),
+                "need": "needs" if len(given) == 1 else "need",
+                "grid": values["grid"],
+            }
+            raise RequestError(relation.message.format(**texts), relation.hint.format(**texts))
 
 
-def dependent_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults of options that are needed by the given options, but are not given themselves."""
-    numbers = given_flags(values, ("density", "integrated_density", "stems_per_hectare"))
-    own_camera = given_flags(values, ("focal_length", "fov"))
-    needed = ["volume_base"] if numbers else ["scene"]
-    needed += ["speed", "acceleration", "climb"]
-    if not own_camera:
-        needed.append("camera")
-    if values["find"] is not None:
-        needed.append("false_alarms")
-        if not given_flags(values, OWN_SIGNATURE):
-            needed.append("signature")
-    if not is_search(values):
-        needed += LANE_OPTIONS.get(values["grid"], ())
-    if is_over_area(values):
-        needed.append("max_sites")
-    if values["around"] is not None or (is_guided(values) and values["origin"] is not None):
-        needed.append("around_radius")
-    if values["no_fly"] is not None:
-        needed.append("buffer")
-    if values["trigger"] == "distance":
-        needed += ["max_blur", "exposure_time"]
-    if values["wind_speed"]:
-        needed.append("airspeed")
-    if values["terrain"]:
-        needed.append("terrain_tolerance")
-    found = {name: DEFAULTS[name] for name in needed if values[name] is None}
-    if values["transit_speed"] is None:
-        found["transit_speed"] = max(DEFAULTS["speed"], values["speed"] or 0.0)
-    return found
+def flag_of(option: str, values: Mapping[str, Any]) -> str:
+    """The flag of an option.  `SEARCH` and `RANGE` have their flag as a value."""
+    return BY_NAME[option].flag if option in BY_NAME else str(values[option])
 
 
-def is_over_area(values: Mapping[str, Any]) -> bool:
-    """Whether the plan covers an area, or areas around points, instead of a single place."""
-    return values["area"] is not None or values["around"] is not None
-
-
-def check_grid(values: Mapping[str, Any]) -> None:
-    """Refuse options that contradict the kind of grid or the number of its samples."""
-    grid, samples, most = values["grid"], values["samples"], values["max_samples"]
-    over_area, pitch = is_over_area(values), values["lane_pitch"]
+def check_numbers(values: Mapping[str, Any]) -> None:
+    """Refuse numbers that contradict each other or the kind of grid."""
+    samples, most, pitch = values["samples"], values["max_samples"], values["lane_pitch"]
     if samples and most and samples > most:
         raise RequestError(refusals.samples_beyond_bound(samples, most))
-    if grid == "spiral" and values["trigger"] == "distance":
-        raise RequestError(
-            "--grid spiral cannot be used with --trigger distance, because a spiral has no "
-            "straight lines",
-            "give --grid lanes or line, or --trigger stop",
-        )
-    least = NARROWEST_TURNS if grid == "spiral" else 1.0
+    is_spiral = values["grid"] == "spiral"
+    least = NARROWEST_TURNS if is_spiral else 1.0
     if isinstance(pitch, float) and pitch < least:
         raise RequestError(
             f"--lane-pitch {pitch:g} is below {least:g}"
-            + (", the narrowest turns of a spiral" if grid == "spiral" else "")
+            + (", the narrowest turns of a spiral" if is_spiral else "")
         )
-    taken = LANE_OPTIONS.get(grid, ())
-    unexpected = given_flags(values, [name for name in OF_LANES if name not in taken])
-    # For lines over an area, the option gives the distance between lines.
-    if grid == "line" and over_area:
-        unexpected = [flag for flag in unexpected if flag != "--lane-pitch"]
-    if unexpected:
-        raise RequestError(
-            f"{' and '.join(unexpected)} cannot be used with --grid {grid}",
-            "give --grid lanes, or leave the other options out",
-        )
-    if values["heading"] == "auto" and not over_area:
-        raise RequestError("--heading auto needs --area", "give --heading in degrees")
-    if values["line_length"] is not None and over_area:
-        raise RequestError("--line-length and --area contradict each other", "give only one")
-    if grid == "spiral" and over_area:
-        raise RequestError("--grid spiral cannot be repeated over an --area", "give --grid lanes")
-    if values["line_length"] is not None and grid != "line":
-        raise RequestError(f"--line-length cannot be used with --grid {grid}", "give --grid line")
-
-
-def given_flags(values: Mapping[str, Any], names: Collection[str]) -> list[str]:
-    """Flags of the options that have a value."""
-    return [BY_NAME[name].flag for name in names if values[name] is not None]
 
 
 def without_overridden(lower: dict[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
-    """The options of a lower layer that the upper layer does not override or exclude."""
+    """The options of a lower layer, without those that the upper layer overrides or excludes."""
     dropped = set(upper)
-    for alternatives in ALTERNATIVES:
-        for names in alternatives:
-            if names[0] in upper:
-                dropped |= _foreign(alternatives, names)
+    for relation in RELATIONS:
+        if relation.yields:
+            dropped |= _overridden(relation, lower, upper, dropped)
     if "scene" in upper and "scene" not in lower:
         # This option belonged to the uniform scene of the lower layer.
         dropped.add("occluder_size")
-    if "grid" in upper:
-        dropped |= {*OF_LANES} - {*LANE_OPTIONS.get(upper["grid"], ())}
-    if upper.get("trigger") == "stop":
-        dropped |= {"max_blur", "exposure_time"}
-    elif upper.get("trigger") == "distance" and lower.get("grid") == "spiral":
-        dropped |= {"grid", *OF_LANES}
-    elif upper.get("grid") == "spiral" and lower.get("trigger") == "distance":
-        dropped |= {"trigger", "max_blur", "exposure_time"}
     if "drone" in upper:
-        dropped |= {*BROUGHT_BY_DRONE, *(name for names in ALTERNATIVES[-1] for name in names)}
+        dropped |= {*BROUGHT_BY_DRONE, *OWN_CAMERA}
     return {name: value for name, value in lower.items() if name not in dropped}
+
+
+def _overridden(
+    relation: Relation, lower: Mapping[str, Any], upper: Mapping[str, Any], dropped: set[str]
+) -> set[str]:
+    """Options of a lower layer with which an upper layer breaks a rule.
+
+    `dropped` contains the options that the upper layer overrides or excludes by other rules.
+    """
+    given, others = relation.given, relation.others
+    if relation.verb == NEEDS:
+        partners = [each for each in others if each.values and each.option in dropped]
+        is_met = any(each.is_met(upper) for each in partners)
+        return {each.option for each in given if partners and not is_met}
+    found: set[str] = set()
+    if any(each.is_met(upper) for each in given):
+        excluded = given if relation.verb == IS_THE_ONLY else others
+        found |= {each.option for each in excluded if not each.values or each.is_met(lower)}
+    if any(each.values and each.is_met(upper) for each in others):
+        found |= {each.option for each in given if each.is_met(lower)}
+    return found
 
 
 def with_partners(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -389,7 +428,10 @@ def with_partners(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, An
     """
     together = {**own, **asked}
     unpaired = {
-        name for need in NEEDS if need.waits and not need.is_met(together) for name in need.options
+        each.option
+        for relation in RELATIONS
+        if relation.waits and not any(other.is_met(together) for other in relation.others)
+        for each in relation.given
     }
     if together.get("grid") != "lanes":
         unpaired |= set(OF_LANES)
@@ -398,103 +440,12 @@ def with_partners(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, An
     return left if len(left) == len(own) else with_partners(left, asked)
 
 
-def is_search(values: Mapping[str, Any]) -> bool:
-    """Whether a request needs a search over flights."""
-    if is_guided(values):
-        return False
-    if values["within"] is not None or _searches_area(values):
-        return True
-    names = (*LEFT_OPEN, "baseline", "samples")
-    has_open = any(values[name] in (None, OPEN) for name in names)
-    return values["optimize"] == "detection" and has_open
-
-
-def _searches_area(values: Mapping[str, Any]) -> bool:
-    """Whether the request asks for the kind of grid that is flown fastest over an area.
-
-    Such a request needs a search. The solver compares the flight times of single grids, but the
-    time over an area depends on the spacing of the lines.
-    """
-    return values["optimize"] == "time" and values["area"] is not None and values["grid"] == OPEN
-
-
-def default_target(values: Mapping[str, Any]) -> float:
-    """Default of the target V̂. It is 0 if a search or guided positions maximise an objective."""
-    searched = is_search(values) or is_guided(values)
-    return 0.0 if searched and values["optimize"] in BEST else DEFAULTS["vhat"]
-
-
-def default_objective(values: Mapping[str, Any]) -> str:
-    """Default of the objective.
-
-    If the request has a time but no target, the objective is to achieve the best result within this
-    time.
-    """
-    has_target = values["vhat"] is not None or values["visibility"] is not None
-    if not is_guided(values) and (values["within"] is None or has_target):
-        return str(DEFAULTS["optimize"])
-    return "visibility" if values["find"] is None else "detection"
-
-
-def left_open(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of the objective and of the options in `LEFT_OPEN`, if they are not given.
-
-    In a search, the options in `LEFT_OPEN` get the value `OPEN`.
-    """
-    found: dict[str, Any] = {}
-    if values["optimize"] is None:
-        found["optimize"] = default_objective(values)
-    objective = found.get("optimize", values["optimize"])
-    searches = is_search({**values, "optimize": objective})
-    for name in LEFT_OPEN:
-        if values[name] is None:
-            found[name] = OPEN if searches else DEFAULTS[name]
-    if objective == "detection" and values["find"] is None:
-        found["find"] = PERSON
-    return found
-
-
-def check_search(values: Mapping[str, Any]) -> None:
-    """Refuse options that cannot be combined with a search, and options that need a search.
-
-    Raises
-    ------
-    RequestError
-        If the options cannot be combined.
-    """
-    if is_guided(values):
-        from aosplan.planning.guided_relations import check_guided
-
-        check_guided(values)
-        return
+def _search_flag(values: Mapping[str, Any]) -> str | None:
+    """The options that make a request a search, as text; None if the request is not a search."""
     if not is_search(values):
-        if isinstance(values["altitude"], str):
-            raise RequestError(
-                f"--altitude {values['altitude']} is a range",
-                "give --within MIN, which chooses an altitude from the range, or give a "
-                "single altitude",
-            )
-        if values["trigger"] == "best":
-            raise RequestError("--trigger best needs --within", "give --within MIN as well")
-        return
-    which = "--optimize detection"
+        return None
     if values["within"] is not None:
-        which = "--within"
-    elif _searches_area(values):
-        which = "--optimize time --grid best over an --area"
-    for name, reason in NOT_SEARCHED.items():
-        if values[name]:
-            flag = "--" + name.replace("_", "-")
-            problem = f"{flag} cannot be used with {which}, because {reason}"
-            raise RequestError(problem, f"leave {flag} out")
-    if values["grid"] == "spiral":
-        raise RequestError(
-            f"--grid spiral cannot be used with {which}, because the search does not include "
-            "spirals",
-            "leave --grid out",
-        )
-
-
-def _foreign(alternatives: Collection[tuple[str, ...]], names: tuple[str, ...]) -> set[str]:
-    """Options that belong to the other alternatives, but not to this one."""
-    return {name for others in alternatives for name in others} - set(names)
+        return "--within"
+    if searches_area(values):
+        return "--optimize time --grid best over an --area"
+    return "--optimize detection"

@@ -18,7 +18,7 @@ from aosplan.planning import option_parsers as parse
 from aosplan.solver.problem import OBJECTIVES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
 DEFAULTS: dict[str, Any] = {
     "focal_height": 0.0,
@@ -55,13 +55,6 @@ DEFAULTS: dict[str, Any] = {
 }
 """Default values of options, for single plans and for the columns of a sweep."""
 
-
-NOT_SEARCHED = {
-    "resume_at": "a resumed mission already has sites",
-    "line_length": "--within chooses the length of a line",
-    "sensitivity": "the sensitivity is computed only for a given grid",
-}
-"""Options that cannot be combined with a search, and the reason for each."""
 
 GUIDED = "guided"
 """The kind of grid whose positions are chosen for one place from a point cloud."""
@@ -352,8 +345,3 @@ SHOWING = tuple(
     in (*FIND_OPTIONS, "coverage", "model", "view", "rays", "origin", "heading", "clearance")
 )
 """Options that determine what photos from given positions show."""
-
-
-def is_guided(values: Mapping[str, Any]) -> bool:
-    """Whether the positions of the photos are chosen for one place from a point cloud."""
-    return bool(values["grid"] == GUIDED)

@@ -12,18 +12,17 @@ from typing import TYPE_CHECKING, Any, cast
 
 from aosplan import units as q
 from aosplan.errors import RequestError
-from aosplan.planning.option_relations import (
-    AIRCRAFT,
-    ALTERNATIVES,
-    check_alternatives,
-    check_grid,
-    check_partners,
-    check_search,
+from aosplan.planning.dependent_defaults import (
     default_target,
     dependent_defaults,
     is_over_area,
     is_search,
     left_open,
+)
+from aosplan.planning.option_relations import (
+    AIRCRAFT,
+    check_numbers,
+    check_relations,
     with_partners,
     without_overridden,
 )
@@ -148,17 +147,15 @@ class PlanRequest:
         for option in OPTIONS:
             if values[option.name] is not None:
                 values[option.name] = option.parse(values[option.name], option.name)
-        check_alternatives(values)
+        check_relations(values)
         if self.vhat is None and self.visibility is None:
             values["vhat"] = default_target(values)
-        check_search(values)
-        check_partners(values)
         if any(values[name] is not None for name in AIRCRAFT):
             from aosplan.planning.aircraft import decided_by_aircraft
 
             values.update(decided_by_aircraft(values))
         values.update(dependent_defaults(values))
-        check_grid(values)
+        check_numbers(values)
 
     def __eq__(self, other: object) -> bool:
         return vars(self) == vars(other) if isinstance(other, PlanRequest) else NotImplemented
@@ -272,7 +269,7 @@ def fitting_defaults(
 
 
 def _has_altitude(values: Mapping[str, Any]) -> bool:
-    return any(names[0] in values for names in ALTERNATIVES[0])
+    return any(name in values for name in ("altitude", "gsd", "target_size"))
 
 
 def _parsed(name: str, value: Any, label: str) -> Any:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import InfeasibleError, RequestError
 from aosplan.models.model import Prediction
-from aosplan.planning.option_relations import BEST
+from aosplan.planning.dependent_defaults import BEST
 from aosplan.planning.shape_space import ShapeSpace
 from aosplan.planning.solved_plan import Memo, problem_of
 from aosplan.planning.within_shapes import (

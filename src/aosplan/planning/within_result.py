@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.messages import Limit, Message
-from aosplan.planning.option_relations import BEST
+from aosplan.planning.dependent_defaults import BEST
 
 if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
