@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from aosplan.camera.disparity import coverage_baseline
 from aosplan.errors import InfeasibleError, RequestError
 from aosplan.flight.track import FlightPoints
 from aosplan.grid.patterns import Scattered
@@ -34,11 +33,10 @@ from aosplan.planning.guided_result import GuidedResult
 from aosplan.planning.plain_flights import plain_flights
 from aosplan.planning.route import timing_at_baseline
 from aosplan.planning.sites import Layout, route_of
-from aosplan.planning.solved_plan import SolvedPlan
+from aosplan.planning.solved_plan import Memo, SolvedPlan, coverage_of, problem_with
 from aosplan.planning.target_area import located_stand, target_area_of
 from aosplan.scenes.plot_frame import plot_frame
 from aosplan.solver.guided_sites import most_visible, visibility
-from aosplan.solver.problem import Problem
 from aosplan.solver.solution import Solution
 
 if TYPE_CHECKING:
@@ -113,19 +111,8 @@ def solve_guided(inputs: PlanInputs) -> SolvedPlan:
         tuple((float(x), float(y)) for x, y in candidates.places[tour.order].tolist())
     )
     prediction = prediction_of(seen)
-    grid, above = inputs.grids[0], inputs.loaded.scene.above(inputs.focal_height_m)
-    coverage = None
-    if above is not None and above.integrated_density > 0.0:
-        focal = inputs.camera.focal_length_px
-        coverage = coverage_baseline(above.slabs(), inputs.altitude_m, focal, inputs.coverage)
-    problem = Problem(
-        model=model,
-        requirement=inputs.requirement,
-        grid=grid,
-        bounds=inputs.bounds,
-        objective=inputs.objective,
-        timing=inputs.flight.timing(inputs.heading_deg),
-    )
+    _, coverage = coverage_of(inputs, Memo())
+    problem = problem_with(inputs, model)
     solution = Solution(
         pattern=pattern,
         baseline_m=candidates.step_m,
@@ -160,7 +147,7 @@ def solve_guided(inputs: PlanInputs) -> SolvedPlan:
         ),
     )
     _check_better(result, prediction.expected)
-    return SolvedPlan(inputs, problem, coverage, solution, grid, result)
+    return SolvedPlan(inputs, problem, coverage, solution, problem.grid, result)
 
 
 def _check_better(result: GuidedResult, expected: float) -> None:

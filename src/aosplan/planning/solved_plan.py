@@ -127,23 +127,39 @@ def problem_of(inputs: PlanInputs, memo: Memo) -> tuple[Problem, CoverageBaselin
     """The problem for a plan's inputs, and the baseline of the coverage rule; None if nothing is
     hidden.
     """
-    altitude, focal = inputs.altitude_m, inputs.camera.focal_length_px
-    above, density = memo(_above, inputs.loaded.scene, inputs.focal_height_m)
-    if above is None or density == 0.0:
+    above, coverage = coverage_of(inputs, memo)
+    if above is None or coverage is None:
         return None
-    if above.transparency == 0.0 or density >= 1.0:
+    if above.transparency == 0.0 or above.integrated_density >= 1.0:
         raise RequestError(
             refusals.opaque_scene(inputs.scene_name),
             "give a density below 1; for a point cloud, give a smaller --voxel or a larger "
             "--min-height",
         )
-    slabs = memo(_slabs, above)
-    coverage = memo(coverage_baseline, slabs, altitude, focal, inputs.coverage)
     if inputs.model == "measured":
         model, surrogate = _measured(inputs, memo)
     else:
         model, surrogate = _of_statistics(inputs, memo, above, coverage), None
-    problem = Problem(
+    return problem_with(inputs, model, surrogate), coverage
+
+
+def coverage_of(inputs: PlanInputs, memo: Memo) -> tuple[Scene | None, CoverageBaseline | None]:
+    """The part of the scene above the focal plane, and the baseline of the coverage rule.  Both are
+    None if nothing is hidden.
+    """
+    above, density = memo(_above, inputs.loaded.scene, inputs.focal_height_m)
+    if above is None or density == 0.0:
+        return None, None
+    focal = inputs.camera.focal_length_px
+    slabs = memo(_slabs, above)
+    return above, memo(coverage_baseline, slabs, inputs.altitude_m, focal, inputs.coverage)
+
+
+def problem_with(
+    inputs: PlanInputs, model: VisibilityModel, surrogate: VisibilityModel | None = None
+) -> Problem:
+    """The problem for a plan's inputs with a given visibility model."""
+    return Problem(
         model=model,
         requirement=inputs.requirement,
         grid=inputs.grids[0],
@@ -152,7 +168,6 @@ def problem_of(inputs: PlanInputs, memo: Memo) -> tuple[Problem, CoverageBaselin
         timing=inputs.flight.timing(inputs.heading_deg),
         surrogate=surrogate,
     )
-    return problem, coverage
 
 
 def _of_statistics(

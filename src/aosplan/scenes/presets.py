@@ -375,8 +375,6 @@ def scene_hint(name: str) -> str:
 
 def find_preset_scene(name: str) -> UniformScene | None:
     """The scene of a preset; None if there is no such preset."""
-    from aosplan.scenes.presets import SCENES
-
     preset = SCENES.get(name)
     if preset is None:
         return None

@@ -26,16 +26,15 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
     from aosplan.simulation.pictures import check_extra
 
     check_extra()
-    from aosplan.show.figures.paper.recording import RULE_M, rendered
+    from aosplan.show.figures.paper.recording import RULE_M, compared_subsets
 
-    rows = []
     choices = [*product(zip(VIEWS, (RULE_M, None), strict=True), APERTURES_M)]
-    with rendered(seed, progress, len(choices)) as recording:
-        for index, ((name, pitch_m), aperture_m) in enumerate(choices):
-            found = recording.compared(aperture_m, pitch_m)
-            rows.append((name, aperture_m, found.views, found.ssim, found.matched))
-            if progress is not None:
-                progress(index + 3, len(choices) + 2)
+    subsets = [(aperture_m, pitch_m) for (_, pitch_m), aperture_m in choices]
+    compared, _ = compared_subsets(seed, subsets, progress)
+    rows = [
+        (name, aperture_m, found.views, found.ssim, found.matched)
+        for ((name, _), aperture_m), found in zip(choices, compared, strict=True)
+    ]
     ruled = [row for row in rows if row[0] == VIEWS[0]]
     chosen = next(row for row in ruled if row[2] >= 25)
     wide = next(row for row in ruled if row[1] >= 20.0)

@@ -48,19 +48,16 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
     from aosplan.simulation.pictures import check_extra
 
     check_extra()
-    from aosplan.show.figures.paper.recording import RULE_M, VIEWS, rendered
+    from aosplan.show.figures.paper.recording import RULE_M, VIEWS, compared_subsets
 
+    subsets = [(aperture_m, RULE_M) for aperture_m in APERTURES_M]
+    compared, reference = compared_subsets(seed, subsets, progress)
     rows, pictures = [], []
-    with rendered(seed, progress, len(APERTURES_M)) as recording:
-        for index, aperture_m in enumerate(APERTURES_M):
-            found = recording.compared(aperture_m, RULE_M)
-            rows.append((aperture_m, found.views, found.ssim, found.matched))
-            title = f"a = {aperture_m:g} m, N = {found.views}\nSSIM {found.ssim:.2f}"
-            pictures.append(Picture(title, found.image))
-            if progress is not None:
-                progress(index + 3, len(APERTURES_M) + 2)
-        title = f"all: a = 50 m, N = {VIEWS}\nthe reference"
-        pictures.append(Picture(title, recording.image))
+    for aperture_m, found in zip(APERTURES_M, compared, strict=True):
+        rows.append((aperture_m, found.views, found.ssim, found.matched))
+        title = f"a = {aperture_m:g} m, N = {found.views}\nSSIM {found.ssim:.2f}"
+        pictures.append(Picture(title, found.image))
+    pictures.append(Picture(f"all: a = 50 m, N = {VIEWS}\nthe reference", reference))
     chosen = next(row for row in rows if row[1] >= 25)
     return PaperFigure(
         "9",

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ from aosplan.simulation.pictures import LEAVES, resolution_chart
 from aosplan.simulation.ssim import similarity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -84,28 +83,43 @@ class Rendered:
         return _shown(self.reference)
 
 
-@contextmanager
-def rendered(seed: int, progress: Progress | None, steps: int) -> Iterator[Rendered]:
-    """Render the recording in a temporary folder. Half of the steps of `progress` are for the
-    rendering.
+def compared_subsets(
+    seed: int, subsets: Sequence[tuple[float, float | None]], progress: Progress | None
+) -> tuple[list[Compared], Any]:
+    """Render the recording, and compare the integrals of subsets of its views with the reference.
 
     Parameters
     ----------
     seed
         Seed of the stand.
+    subsets
+        Aperture and pitch [m] of each subset.
     progress
-        Function that is called with the number of finished steps and the total.
-    steps
-        Number of integrals that are computed after the rendering.
+        Function that is called with the number of finished steps and the total.  The rendering is
+        two steps, and each subset is one.
+
+    Returns
+    -------
+    compared
+        The integral of each subset.
+    reference
+        The reference as an image with values from 0 to 1.
     """
+
+    def done(step: int) -> None:
+        if progress is not None:
+            progress(step, len(subsets) + 2)
+
     with tempfile.TemporaryDirectory() as folder:
         poses = _render(folder, seed)
-        if progress is not None:
-            progress(1, steps + 2)
-        found = Rendered(Recording(poses, os.path.join(folder, "images")))
-        if progress is not None:
-            progress(2, steps + 2)
-        yield found
+        done(1)
+        recording = Rendered(Recording(poses, os.path.join(folder, "images")))
+        done(2)
+        found = []
+        for step, (aperture_m, pitch_m) in enumerate(subsets, 3):
+            found.append(recording.compared(aperture_m, pitch_m))
+            done(step)
+        return found, recording.image
 
 
 def _sites() -> NDArray[np.float64]:
