@@ -12,8 +12,8 @@ and ``aosplan plan --scene TILE --json``, without the cache. The last columns ar
 ``aosplan scene`` with a crop of 200 m. Times are medians of processor time. Each run is a separate
 process on one core.
 
-A second table compares samples of the targets of the 500 m tile with all its targets.  It has the
-largest differences of p, V and V̂ for some plans at 60 m.
+A second table compares predictions for samples of the targets of the 500 m tile with predictions
+for all its targets. It has the largest differences of p, V and V̂ among some plans at 60 m.
 
 It writes benchmarks/results/scene_speed.csv and benchmarks/results/scene_sample.csv.
 """

@@ -298,7 +298,7 @@ def shown(value: Any) -> str:
 def percent(value: float) -> str:
     """A share in per cent with one decimal.
 
-    A share just below 100 % has more decimals. The text is therefore never ``100 %`` for it.
+    A share just below 100 % has more decimals, because it must not be rounded to ``100 %``.
     """
     shown = 100.0 * value
     decimals = 1

@@ -1,5 +1,5 @@
-"""The pictures of the README are small enough, and their photos hide the share of the ground that
-counted rays give.
+"""The pictures of the README are small enough. The share of the ground that is hidden in their
+photos is the share of the rays that are blocked.
 """
 
 import runpy

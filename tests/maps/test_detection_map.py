@@ -185,8 +185,8 @@ def prior_of(path, found, values, **profile):
 
 def test_success_is_the_sum_of_detection_times_prior(tmp_path, over_field):
     _, found = over_field
-    # The prior has ten by ten pixels of 100 m around the area. The prior is uniform. The
-    # probability of the area is therefore its share of the area of all pixels.
+    # The prior has ten by ten pixels of 100 m around the area, which is 1 km². It is uniform, so
+    # the probability that the target is in the area is the size of the area in km².
     even = success_of(found, prior_of(tmp_path / "even.tif", found, np.full((10, 10), 7.0)))
     assert even.area == pytest.approx(found.cells.area_m2 / 1e6, rel=0.002)
     assert even.success == pytest.approx(even.area * found.mean, rel=1e-3)

@@ -24,7 +24,9 @@ def guided():
 
 
 def on_plot(made):
-    """Waypoints in the projection of the cloud, from the corner of the plot, by pyproj."""
+    """Waypoints in the coordinates of the cloud, relative to the corner of the plot. They are
+    projected by pyproj.
+    """
     project = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True)
     x, y = project.transform(made.waypoints.longitude, made.waypoints.latitude)
     return np.column_stack([np.array(x) - CORNER[0], np.array(y) - CORNER[1]])

@@ -440,8 +440,8 @@ def counted(masks: np.ndarray) -> tuple[Fraction, Fraction]:
 
 
 def measured() -> Iterator[Check]:
-    """Plots that hide one target in a thousand, or all except one, seen from 1 mm to 1 km above
-    them.
+    """Plots in which one voxel is filled, or all voxels of a slice except one, from 1 mm to 1 km
+    above them.
     """
     volumes = {"one voxel": sparse_volume(), "all but one": sparse_volume(inverted=True)}
     patterns = (Pattern(1, 1), Pattern(5, 5), pattern_for("trimmed", 50))

@@ -185,8 +185,9 @@ def test_one_wrong_prediction_among_many_is_found(noise_checks):
 
 
 def test_a_deviation_that_is_unlikely_alone_is_likely_among_many(noise_checks):
-    # A difference of 3.2 standard errors, for 16 samples, has a probability of less than 1 %. As
-    # the worst of 120 comparisons, it has a larger probability.
+    # In a single comparison of 16 samples, a difference of 3.2 standard errors has a probability of
+    # less than 1 %. The probability that the largest difference of 120 comparisons is as large is
+    # higher.
     simulation = noise_checks[0].simulation
     assert simulation.samples >= 16
     error = simulation.simulated.density_standard_error

@@ -401,10 +401,10 @@ def _simplified(shape: Any, *, outward: bool) -> tuple[Any, float]:
     """A simplified shape, and the distance by which the boundary moved.
 
     The simplified shape contains the given shape, or is inside it. The boundary is simplified by
-    the algorithm of Douglas and Peucker. The new ring can be deformed continuously into the given
-    ring without leaving the neighbourhood of the new edges, whose width is the tolerance. A point
-    outside this neighbourhood is therefore inside both rings or outside both rings. This is true
-    even if the simplified rings cross each other.
+    the algorithm of Douglas and Peucker. The given ring is nowhere farther from the new edges than
+    the tolerance, and the new ring can be deformed continuously into it within this band. A point
+    outside the band is therefore inside both rings or outside both rings. This is true even if the
+    simplified rings cross each other.
     """
     if shapely.get_num_coordinates(shape) <= MOST_VERTICES:
         return shape, 0.0

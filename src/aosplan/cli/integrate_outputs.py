@@ -77,7 +77,9 @@ def contents_of(
     looks: IntegralDisplay,
     averaged: Callable[..., Integral],
 ) -> tuple[dict[str, bytes], tuple[float, float]]:
-    """Contents of files by path, and the two values that are drawn black and white in a PNG."""
+    """The content of each file, by path, and two values: the one that is black in a PNG and the one
+    that is white.
+    """
     from aosplan.postflight.integral.seeing import local_contrast, with_scale
 
     shown = integral

@@ -41,8 +41,8 @@ photos. They are tried in this order until the photos close the gaps.
 """
 
 NEAR = 0.01
-"""Largest accepted loss of the mean probability of detection in the gaps. The loss is the
-difference from a flight to all missing sites.
+"""The mean probability of detection in the gaps may be smaller by this value than after a flight to
+all missing sites.
 """
 
 

@@ -156,8 +156,8 @@ def _lines(mission: Mission) -> Iterator[PathPoint]:
     for first, last in pairwise(ends):
         heights = above[first : last + 1]
         if max(heights) - min(heights) > LEVEL_M:
-            # Some points are kept for other reasons. They divide the line into parts, because the
-            # height changes linearly between points of the file.
+            # Between points of the file, the height changes linearly. The points that are kept for
+            # other reasons therefore divide the line into parts.
             fixed = {first, last, *(kept | off) & set(range(first, last))}
             kept |= fixed
             for start, stop in pairwise(sorted(fixed)):

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 
 UNIFORM = 1.0 / math.sqrt(12.0)
 """Standard deviation of a value that is uniformly distributed between two bounds, divided by the
-distance of the bounds.
+distance between the bounds.
 """
 
 OCTAVE = 0.5

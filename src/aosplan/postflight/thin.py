@@ -31,7 +31,9 @@ views.
 """
 
 MORE_HIDDEN = 0.02
-"""If a selection that maximises V̂ increases the density by more than this, there is a warning."""
+"""A selection with the largest V̂ can have a larger density p than all views. If p is larger by
+more than this, there is a warning.
+"""
 
 ADDED = "original_index"
 """Name of the column with the index of a view among all views of the original recording."""

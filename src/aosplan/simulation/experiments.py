@@ -286,7 +286,9 @@ class PlotExperiment(NamedTuple):
             yield self.views.within(window).counts(self.positions_m)
 
     def images(self) -> tuple[Blocked, Blocked]:
-        """Number of blocked views of the plot, among all views and for the middle view alone."""
+        """Numbers of blocked views of each target of the plot: of all views, and of the middle
+        view.
+        """
         middle = self.positions_m[[middle_of(self.positions_m)]]
         return self.views.blocked_views(self.positions_m), self.views.blocked_views(middle)
 

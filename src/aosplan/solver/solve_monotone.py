@@ -330,8 +330,8 @@ def _lower_bound(problem: Problem, frame: AnyFrame, most: int) -> int:
 
 
 def _fewest_in(problem: Problem, frame: AnyFrame, baseline_m: float, most: int) -> int:
-    """Smallest number of samples of a frame that meets the target at a baseline.  The number `most`
-    is known to meet it.
+    """Smallest number of samples of a frame that meets the target at a baseline. The caller has
+    checked that `most` samples meet the target.
     """
     return smallest_whole(
         lambda samples: problem.meets(frame.pattern(samples), baseline_m),

@@ -90,8 +90,8 @@ _SEARCHED = (("optimize", "detection"), ("trigger", "best"))
 class _Scenarios:
     """The swept options with their values.
 
-    `alone` is the share of the scenarios that have to be solved one by one. Blocks are smaller if
-    this share is larger.
+    `alone` is the share of the scenarios that have to be solved one by one. The larger this share,
+    the smaller are the blocks.
     """
 
     values: dict[str, NDArray[Any]]

@@ -256,9 +256,9 @@ def peaks_of(places: Floats, curve: Sequence[Agreement]) -> tuple[int, int | Non
     """Indices of the lowest significant peak, and of the highest peak above it.
 
     A peak is significant if it rises above the saddle beside it by `PROMINENCE` standard deviations
-    of this difference.  The standard deviation is that of leaving out one block of the raster at a
-    time (jackknife).  Errors of neighbouring values are correlated, so the difference is more
-    accurate than each value.  If no peak is significant, the largest value is taken, even if it is
+    of this difference. The standard deviation is computed by leaving out one block of the raster at
+    a time (jackknife). Errors of neighbouring values are correlated, so the difference is more
+    accurate than each value. If no peak is significant, the largest value is taken, even if it is
     at an end of the curve.
     """
     from scipy.signal import find_peaks

@@ -181,9 +181,9 @@ def read_picture(path: str, block_px: int = 1) -> Picture:
     path
         The file.
     block_px
-        The caller only needs the means of square blocks of pixels with this side. A JPEG is
-        therefore decoded at a half, a quarter or an eighth of its size, if its pixels are then not
-        larger than the blocks.
+        Side of the square blocks of pixels, in pixels, of which the caller only needs the means. A
+        JPEG is therefore decoded at a half, a quarter or an eighth of its size, if its pixels are
+        then not larger than the blocks.
 
     Raises
     ------
