@@ -11,6 +11,7 @@ from support.paths import AREAS
 
 from aosplan.cli.app import run
 from aosplan.maps.detection_map import canopy_over, detection_map, ground_of, photos_of
+from aosplan.maps.local_canopy import local_canopy
 from aosplan.maps.photo_sets import photo_sets
 from aosplan.maps.place_detection import PlaceDetection
 from aosplan.maps.prior import success_of
@@ -18,6 +19,7 @@ from aosplan.planning.plan_detection import detection_at
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.postflight.views import along_heading
+from aosplan.scenes.voxels import VoxelVolume
 
 rasterio = pytest.importorskip("rasterio")
 
@@ -152,8 +154,13 @@ def test_a_denser_canopy_reduces_detection_at_the_correct_place():
     assert (canopy.depth[near & (east < 0.0)] < 0.02).all()
     assert (canopy.depth[near & (east > 0.0)] > canopy.mean_depth).all()
     width_m, depth_m = stand.size_m
-    known = (np.abs(east) < 0.5 * width_m) & (np.abs(north) < 0.5 * depth_m)
-    assert (np.isfinite(canopy.depth) == known).all()
+    rim_m = 0.5 * canopy.window_m
+    for within_m, finite in ((rim_m + stand.voxel_m, True), (rim_m - stand.voxel_m, False)):
+        inside = (np.abs(east) < 0.5 * width_m - within_m) & (
+            np.abs(north) < 0.5 * depth_m - within_m
+        )
+        assert np.isfinite(canopy.depth[inside if finite else ~inside]).all() == finite
+        assert np.isfinite(canopy.depth[inside if finite else ~inside]).any() == finite
     sets = photo_sets(cells.middles_m, photos_of(planned), planned.inputs.footprint_m, 30.0)
     predict = PlaceDetection(planned)
     found = [
@@ -181,6 +188,19 @@ def prior_of(path, found, values, **profile):
         for band in range(1, profile["count"] + 1):
             file.write(values.astype(profile["dtype"]), band)
     return str(path)
+
+
+def test_near_the_edge_of_a_plot_the_canopy_is_not_known():
+    """The canopy of a place is known if the square around it is within the plot."""
+    rng = np.random.default_rng(3)
+    occupied = rng.random((20, 60, 40)) < 0.02
+    volume = VoxelVolume(occupied, 0.5, place=(48.0, 14.0))
+    places = np.array([[0.0, 0.0], [7.7, 0.0], [8.3, 0.0], [0.0, -12.7], [0.0, -13.3]])
+    found = local_canopy(volume, places, (48.0, 14.0), altitude_m=50.0, footprint_m=10.0)
+    assert found.window_m == 4.0  # The plot is 20 m wide and 30 m deep.
+    assert np.isfinite(found.depth).tolist() == [True, True, False, True, False]
+    square = occupied.any(axis=0)[26:34, 16:24]
+    assert -np.expm1(-found.depth[0]) == pytest.approx(square.mean())
 
 
 def test_success_is_the_sum_of_detection_times_prior(tmp_path, over_field):

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from support.paths import SHARED
 
+from aosplan.errors import RequestError
 from aosplan.grid.patterns import Pattern, local_sites, pattern_for
 from aosplan.models.clutter import independent_windows
 from aosplan.models.counted_detection import count_detection, tail_level
 from aosplan.models.crown_clutter import crown_covariances
 from aosplan.models.detection import PERSON, DetectionModel, Signature
 from aosplan.models.measured import MeasuredModel
+from aosplan.models.plot_interior import PlotInterior, counted_part
 from aosplan.models.seen_share import SeenShare
 from aosplan.models.target_window import Target, kernels, points_of, rotation
 from aosplan.models.window_pairs import WindowPairs
@@ -333,6 +335,50 @@ def test_seen_shares_counted_in_voxels_equal_the_measured_model(slice_m):
     assert 0.3 * points < found.seen.variance < points
     assert 0.0 < found.probability < 1.0
     assert 0.0 < found.standard_error < 0.2
+
+
+def rimmed(side=60, rim=12):
+    """A stand whose canopy is dense in the middle and missing at the rim of the plot."""
+    occupied = np.zeros((20, side, side), dtype=bool)
+    rng = np.random.default_rng(5)
+    occupied[12:, rim:-rim, rim:-rim] = rng.random((8, side - 2 * rim, side - 2 * rim)) < 0.15
+    return VoxelVolume(occupied, 0.4, slice_m=0.4)
+
+
+@pytest.mark.slow
+def test_only_places_whose_rays_stay_on_the_plot_are_counted():
+    """Detection counts the places that the measured model counts."""
+    volume, look = rimmed(), Signature(1.5, 0.0, 0.0)
+    sites = 4.0 * np.array(list(Pattern(3, 3).offsets()))
+    common = (volume, sites, 40.0, PERSON, look)
+    for edges in ("auto", "interior", "wrapped"):
+        found = count_detection(*common, false_alarms=100.0, edges=edges)
+        seen = MeasuredModel(volume, 40.0, edges=edges).predict_positions(sites)
+        assert found.seen.mean == pytest.approx(seen.transparency, abs=0.01)
+    inside = count_detection(*common, false_alarms=100.0, edges="auto")
+    assert inside.probability < found.probability - 0.01
+    # If the interior is too small, all places are counted, with a larger standard error.
+    sites = sites * 8.5
+    common = (volume, sites, 40.0, PERSON, look)
+    whole, inside, auto = (
+        count_detection(*common, false_alarms=100.0, edges=edges)
+        for edges in ("wrapped", "interior", "auto")
+    )
+    assert auto.probability == whole.probability
+    doubt = abs(whole.probability - inside.probability) / math.sqrt(12.0)
+    assert auto.standard_error == pytest.approx(math.hypot(whole.standard_error, doubt))
+    with pytest.raises(RequestError, match="--edges interior"):
+        count_detection(volume, sites * 2.0, 40.0, PERSON, look, false_alarms=1.0, edges="interior")
+
+
+def test_the_interior_of_a_map_is_that_of_the_plot():
+    """The interior is found on maps of any pitch, and on the correct side."""
+    volume = VoxelVolume(np.ones((10, 30, 40), dtype=bool), 0.5)
+    inside, _ = counted_part(volume, 20.0, np.array([[0.0, 0.0], [8.0, 4.0]]), "auto")
+    # Rays to the east lean by 8 x 5/20 = 2 m at the canopy top, those to the north by 1 m.
+    assert inside == PlotInterior(0, 0, 28, 36)
+    fine = np.arange(60 * 80.0).reshape(60, 80)
+    assert (inside.of(fine, volume) == fine[:56, :72]).all()
 
 
 def test_in_an_empty_stand_every_target_is_found():

@@ -219,17 +219,20 @@ def test_parts_add_up_by_their_squares():
 
 
 def test_clumps_that_pulses_do_not_resolve_are_those_of_the_benchmark():
-    """For each pulse density, the biases equal the means over generated stands with calibrated
-    energies.
+    """For each pulse density, the errors are the root mean squares over generated stands with
+    calibrated energies.
     """
     with (Path(__file__).parents[2] / "benchmarks/results/opacity.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if row["opacity"] == "pulses, intensity"]
-    for dense in (False, True):
-        chosen = [row for row in rows if (float(row["pulses_a_m2"]) >= 400.0) == dense]
-        part = of_clumps(400.0 if dense else 399.0)
-        for name, least in (("density", 0.003), ("expected", 0.003), ("normalized", 0.005)):
-            off = np.mean([float(row[name]) - float(row[f"true_{name}"]) for row in chosen])
-            assert abs(off - getattr(part, name)) < least, name
+    for least, most in ((40.0, 80.0), (80.0, 350.0), (350.0, math.inf)):
+        chosen = [row for row in rows if least <= float(row["pulses_a_m2"]) < most]
+        for density in (least, min(most, 1e6) - 0.1):
+            part = of_clumps(density)
+            for name in ("density", "expected", "normalized"):
+                off = [float(row[name]) - float(row[f"true_{name}"]) for row in chosen]
+                assert getattr(part, name) == pytest.approx(
+                    np.sqrt(np.mean(np.square(off))), abs=6e-4
+                )
 
 
 def test_the_variation_between_apertures_is_part_of_the_error():

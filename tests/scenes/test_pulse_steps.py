@@ -88,6 +88,22 @@ def test_intensities_are_energies_only_if_they_add_up(gain, plausible):
         assert energies == pytest.approx(energy, abs=1e-6)
 
 
+def test_wide_beams_without_single_returns_from_the_canopy_are_calibrated():
+    """In foliage, a wide beam has several returns.  The intensity of the canopy is then known from
+    the pulses that also reach the ground.
+    """
+    rng = np.random.default_rng(6)
+    share = rng.uniform(0.2, 0.8, 600)
+    energy = np.concatenate([np.ones(600), np.column_stack([share, 1 - share]).ravel()])
+    low = np.concatenate([np.ones(600, np.bool_), np.tile([False, True], 600)])
+    number = np.concatenate([np.ones(600), np.tile([1, 2], 600)])
+    total = np.concatenate([np.ones(600), np.full(1200, 2)])
+    intensity = np.where(low, 900.0, 400.0) * energy
+    found = returns_of(np.zeros((1800, 3)), number, total, intensity=intensity)
+    _, pulses, _ = grouping.grouped(found, timed=False)
+    assert grouping.intensity_energies(found, pulses, low) == pytest.approx(energy, abs=1e-6)
+
+
 def flown_pulses(rng, count=400, noise_m=0.01):
     """Pulses of two returns from a moving sensor, and the positions of the sensor."""
     time_s = np.sort(rng.uniform(100.0, 103.0, count))
@@ -279,3 +295,46 @@ def test_wrongly_grouped_pulses_do_not_change_the_sensor_track():
     at = sensor_track.fitted(found, pulses)
     assert at is not None
     assert np.abs(at.at(found.time_s[pulses.first]) - sensor).max() < 1.0
+
+
+@pytest.mark.parametrize("contrast", [0.9, 1.07, 1.25])
+def test_the_contrast_is_found_from_pulses_that_were_not_used(contrast):
+    """The true optical depths are a power of the predicted ones, which have a wrong scale as well."""
+    rng = np.random.default_rng(8)
+    plain = rng.gamma(0.5, 2.0, 40_000)
+    passed = (rng.standard_exponential(plain.size) > 0.8 * plain**contrast).astype(np.float64)
+    depths = np.stack([plain, 0.7 * plain**attenuation.OTHER_CONTRAST])
+    found = attenuation.best_contrast(depths, passed)
+    assert found == pytest.approx(contrast, abs=0.03)
+    scaled = attenuation.depths_at(found, depths)
+    scaled *= attenuation.scale_for(scaled, float(passed.mean()))
+    assert np.exp(-scaled).mean() == pytest.approx(passed.mean(), abs=1e-6)
+    # In clear and in dense columns, too, the transmission is the measured one.
+    for part in (plain < 0.05, plain > 1.5):
+        error = np.sqrt(passed[part].var() / np.count_nonzero(part))
+        assert abs(np.exp(-scaled[part]).mean() - passed[part].mean()) < 3.0 * error + 0.003
+
+
+def test_contrast_multiplies_columns_by_a_power_of_their_depth():
+    rate = np.array([[[1.0, 0.0, 4.0]], [[3.0, 0.0, 4.0]]], dtype=np.float32)
+    found = attenuation.contrasted(rate, 1.5, 0.5)
+    assert found[:, 0, 0] == pytest.approx(np.array([1.0, 3.0]) * np.sqrt(2.0), rel=1e-6)
+    assert (found[:, 0, 1] == 0.0).all()
+    assert found[:, 0, 2] == pytest.approx(np.array([8.0, 8.0]), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("size_m", "slices", "voxel_m", "leaf_m"),
+    [
+        ((27.0, 27.0), 100, 0.25, 0.0625),
+        ((27.0, 27.0), 100, 0.15, 0.05),
+        ((8.0, 8.0), 40, 0.25, 0.03125),
+        ((2.0, 2.0), 40, 0.25, 0.03125),
+        ((200.0, 200.0), 60, 0.5, 0.5 / 6),
+        ((300.0, 300.0), 400, 0.25, 0.3),
+    ],
+)
+def test_voxels_are_whole_numbers_of_cells(size_m, slices, voxel_m, leaf_m):
+    found = realise.leaf_size_for(size_m, slices, voxel_m)
+    assert found == pytest.approx(leaf_m)
+    assert size_m[0] * size_m[1] * slices / found**2 <= realise.MOST_CELLS * (1 + 1e-9)

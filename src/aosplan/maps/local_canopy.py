@@ -3,7 +3,8 @@
 Slanted rays to a place cross the canopy around it. If photos with a footprint of width F are taken
 from the altitude h, the rays to a place cross the height H within a square of side F H/h. The
 density above the place is therefore the share of this square that is hidden from vertically above.
-H is the mean height at which vertical rays end in the canopy.
+H is the mean height at which vertical rays end in the canopy. The canopy above a place is known
+only if the whole square is on the plot, because the rim of a plot is often sparse.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class LocalCanopy(NamedTuple):
     ----------
     depth
         Optical depth -ln(1 - p), where p is the share of the ground around a place that is hidden
-        from vertically above; nan outside the stand.
+        from vertically above; nan if the square around the place is not within the stand.
     window_m
         Side of the square around a place over which p is averaged.
     mean_depth
@@ -99,7 +100,8 @@ def local_canopy(
         for axis, length in enumerate((width_m, depth_m))
     )
     rows, columns = hidden.shape
-    known = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    rim = size // 2
+    known = (column >= rim) & (column < columns - rim) & (row >= rim) & (row < rows - rim)
     share = np.full(len(places_m), np.nan)
     share[known] = around[row[known], column[known]]
     return LocalCanopy(_depth(share), window_m, float(_depth(np.array(hidden.mean()))))

@@ -6,7 +6,7 @@
 - `aosplan.models.layered_pairs`, `aosplan.models.layered_noise`, `aosplan.models.layered_slanted`:
   covariance of pairs of rays through slices: for exact positions, for uncertain positions, and for
   slanted rays.
-- `aosplan.models.measured`: the voxels of a stand.
+- `aosplan.models.measured`: the voxels of a stand, with `aosplan.models.plot_interior`.
 - `aosplan.models.equations`: Eq. 1 to 5 of the paper.
 - `aosplan.models.positions`: the shortfall of any set of positions, on a lattice or not.
 - `aosplan.models.position_noise`: the effect of position errors of the drone.

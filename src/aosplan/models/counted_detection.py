@@ -15,7 +15,12 @@ from a random seed.
   (`aosplan.models.detection`).  POD is the share of places and directions for which the output
   exceeds the threshold.
 
-The standard error is computed from the four quarters of the plot.
+**Edges.**  The integral image is periodic, but as for V, only the places whose rays stay on the plot
+are counted (`aosplan.models.plot_interior`).  If they are too few, all places are counted.
+
+The standard error is computed from the four quarters of the counted places.  If all places are
+counted although some of their rays leave the plot, it also contains the difference from the places
+whose rays stay on it.
 """
 
 from __future__ import annotations
@@ -28,7 +33,9 @@ import numpy as np
 
 from aosplan.models.clutter import HECTARE_M2
 from aosplan.models.detection import Detection, contrasts, upright
+from aosplan.models.plot_interior import counted_part
 from aosplan.models.seen_share import SeenShare
+from aosplan.models.uncertainty import UNIFORM
 from aosplan.scenes.integral_image import (
     TEXTURE,
     TEXTURE_LENGTH_M,
@@ -44,6 +51,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from aosplan.models.plot_interior import PlotInterior
     from aosplan.models.signatures import Signature
     from aosplan.models.target_window import Target
     from aosplan.scenes.integral_image import OccluderPlane
@@ -73,6 +81,7 @@ def count_detection(
     false_alarms: float,
     assumed: str = "",
     focal_height_m: float = 0.0,
+    edges: str = "wrapped",
 ) -> Detection:
     """Detection of a target below a stand by photos from known sites.
 
@@ -88,7 +97,18 @@ def count_detection(
         As in `aosplan.models.detection.Detection`.
     focal_height_m
         Height of the focal plane above the ground.
+    edges
+        The places that are counted: ``auto``, ``interior`` or ``wrapped``, as in
+        `aosplan.models.measured.MeasuredModel`.
+
+    Raises
+    ------
+    RequestError
+        If `edges` is ``interior`` and from every place some ray leaves the plot.
     """
+    inside, compared = counted_part(
+        volume, altitude_m, sites_m, edges, focal_height_m=focal_height_m
+    )
     contrast, *canopy = upright(signature)
     rng = np.random.default_rng(SEED)
     kept = volume.occupied.size <= MOST_KEPT
@@ -101,10 +121,6 @@ def count_detection(
     window = MatchedWindow((target.width_m, target.length_m), shape, integral.pitch_m)
     around = window.box_mean(plain)
     output = np.maximum.reduce(window.means(plain)) - around
-    width_m, depth_m = volume.size_m
-    level = tail_level(
-        peaks(output, integral.pitch_m), false_alarms * width_m * depth_m / HECTARE_M2
-    )
     shares = np.clip(np.array(window.means(integral.seen)), 0.0, 1.0)
     # A target hides the ground below it. This reduces the texture in the window and in the box
     # around it.
@@ -112,20 +128,40 @@ def count_detection(
     base = np.array(window.means(integral.canopy)) - around
     base += part * np.array(window.means(integral.seen * ground))
     signal = target.matched * target.kept * shares
-    wanted = np.where(signal > 1e-9, (level - base) / np.maximum(signal, 1e-9), math.inf)
-    wanted[base > level] = -math.inf
+
+    def found_in(where: PlotInterior | None) -> tuple[Floats, Floats, float]:
+        """The detector's output, the contrast from which each target is found, and the
+        threshold.
+        """
+        its_output, its_base, its_signal = (
+            each if where is None else where.of(each, volume) for each in (output, base, signal)
+        )
+        area_m2 = volume.plot_area_m2 * its_output.size / output.size
+        level = tail_level(peaks(its_output, integral.pitch_m), false_alarms * area_m2 / HECTARE_M2)
+        wanted = np.where(
+            its_signal > 1e-9, (level - its_base) / np.maximum(its_signal, 1e-9), math.inf
+        )
+        wanted[its_base > level] = -math.inf
+        return its_output, wanted, level
+
+    counted, wanted, level = found_in(inside)
     curve = tuple((each, float((wanted <= abs(each)).mean())) for each in contrasts(signature))
+    probability = dict(curve)[signature.contrast]
+    error = _error_of_quarters((wanted <= contrast).mean(axis=0))
+    if compared is not None:
+        other = float((found_in(compared)[1] <= contrast).mean())
+        error = math.hypot(error, UNIFORM * abs(probability - other))
     return Detection(
         target,
         signature,
         assumed,
         false_alarms,
-        SeenShare.counted(shares),
+        SeenShare.counted(shares if inside is None else inside.of(shares, volume)),
         level,
-        float(output.std()),
-        dict(curve)[signature.contrast],
+        float(counted.std()),
+        probability,
         curve,
-        _error_of_quarters((wanted <= contrast).mean(axis=0)),
+        error,
     )
 
 

@@ -43,6 +43,7 @@ from aosplan.errors import RequestError
 from aosplan.grid.patterns import local_sites
 from aosplan.models.memo import remembered
 from aosplan.models.model import Prediction
+from aosplan.models.plot_interior import LEAST_INTERIOR, margins, nothing_inside
 from aosplan.scenes.hidden_counts import HiddenCount, joint_counts, popcount
 from aosplan.scenes.occlusion import PlotWindow
 from aosplan.scenes.sampled_targets import SampledOcclusion, occlusion_of
@@ -57,11 +58,6 @@ if TYPE_CHECKING:
     from aosplan.models.memo import Known
     from aosplan.scenes.occlusion import ViewKind, Words
     from aosplan.scenes.voxels import VoxelVolume
-
-LEAST_INTERIOR = 0.2
-"""Smallest share of a plot's targets whose rays all stay on the plot.  If the share is smaller,
-``auto`` counts all targets.
-"""
 
 CACHE_OCTETS = 1 << 28
 """Memory for views that later predictions may reuse [bytes]."""
@@ -220,12 +216,7 @@ class MeasuredModel:
         window = PlotWindow(int(first[1]), int(first[0]), rows, columns)
         found = occlusion.targets_in(window)
         if self.edges == "interior" and not found:
-            raise RequestError(
-                "--edges interior: for every place of the plot, at least one ray to this "
-                "grid leaves the plot",
-                "measure a larger plot, plan a smaller grid (--max-aperture), or give "
-                "--edges wrapped",
-            )
+            raise nothing_inside()
         if self.edges == "auto" and found < LEAST_INTERIOR * occlusion.targets:
             return None
         return window
@@ -234,22 +225,16 @@ class MeasuredModel:
         """Widths of the margins at both ends of x and y, in targets. At least one ray from each
         target in a margin leaves the plot.
         """
-        positions = np.asarray(positions_m, dtype=np.float64)
         volume, altitude_m, focal_height_m = self._stand
-        rise = max(volume.canopy_top_m - focal_height_m, 0.0) / altitude_m
-        low, high = -positions.min(axis=0), positions.max(axis=0)
-        if self.view == "perspective":
-            # The plot is convex. A ray whose two ends are above the plot therefore stays above the
-            # plot.
-            half = 0.5 * np.array(volume.size_m)
-            low, high, rise = low - half, high - half, rise / (1.0 - rise)
-        # The margins are whole voxels, because all targets of a voxel are treated in the same way.
-        first, last = (
-            np.ceil(np.maximum(side, 0.0) * rise / volume.voxel_m).astype(np.intp)
-            * self.occlusion.targets_per_voxel
-            for side in (low, high)
+        first, last = margins(
+            volume,
+            altitude_m,
+            positions_m,
+            focal_height_m=focal_height_m,
+            perspective=self.view == "perspective",
         )
-        return first, last
+        targets = self.occlusion.targets_per_voxel
+        return first * targets, last * targets
 
     def edges_of(self, pattern: AnyPattern, baseline_m: float) -> str:
         """The targets that are counted for a pattern: ``interior``, or ``wrapped`` for all

@@ -156,6 +156,7 @@ def _counted(inputs: PlanInputs, sites_m: Floats) -> Detection:
         false_alarms=find.false_alarms,
         assumed=find.assumed,
         focal_height_m=inputs.focal_height_m,
+        edges=inputs.edges,
     )
 
 
@@ -194,10 +195,4 @@ def detection_warnings(detection: Detection, inputs: PlanInputs, samples: int) -
             "detection_plain_rays",
             "the probability of detection is predicted for vertical rays and exact "
             "positions, so it does not depend on --hold-error and --rays",
-        )
-    if inputs.model == "measured" and inputs.edges == "interior":
-        yield Message(
-            "detection_whole_plot",
-            "the probability of detection is counted on the whole plot, which is repeated "
-            "beyond its edges, even with --edges interior",
         )

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 VARIABLE = "AOSPLAN_CACHE"
 
-READING = 5
+READING = 6
 """Version of the reader. Increase it when the reader produces other voxels from the same cloud than
 before.
 """

@@ -135,7 +135,8 @@ def read_voxels(
         the laser pulses (`aosplan.scenes.pulses`) and represented by smaller cells.  ``auto``:
         ``pulses`` if the cloud has usable pulses, otherwise ``voxels`` with a warning.
     leaf_size_m
-        Edge length of these smaller cells. The default is 0.06 m, or more on large plots.
+        Edge length of these smaller cells. The default is about 0.06 m, less on small plots, and
+        more on large plots.
     trajectory
         CSV file with positions of the sensor (`aosplan.scenes.pulses.trajectory`); None to
         compute them from the pulses.

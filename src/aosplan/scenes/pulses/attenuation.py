@@ -20,10 +20,14 @@ leaves.
 The strengths of both shrinkages are chosen such that each half of the pulses predicts the other
 half as well as possible.
 
-The mean transmission that is computed from these λ differs slightly from the measured transmission,
-because leaves are clumped within voxels and λ is uncertain. A scale factor for all λ corrects the
-mean. It is found by cross-fitting: the transmission of each quarter of the pulses is predicted with
-the λ from the other three quarters.
+Both shrinkages make crowns and gaps too similar, so that the predicted transmissions of columns
+differ too little. The λ of each column are therefore multiplied by a power of its optical depth D,
+D^(γ - 1). The mean transmission that is computed from these λ also differs slightly from the
+measured transmission, because leaves are clumped within voxels and λ is uncertain. A scale factor
+for all λ corrects the mean. The contrast γ and the scale are found by cross-fitting: the
+transmission of each quarter of the pulses is predicted with the λ from the other three quarters.
+For each γ, the scale makes the mean of these predictions equal to the measured mean. The γ with the
+largest likelihood is used. If there are few pulses, it is drawn towards 1.
 """
 
 from __future__ import annotations
@@ -50,6 +54,20 @@ strength for voxels is chosen.
 """
 
 SCALES = (0.02, 50.0)
+
+CONTRASTS = (0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4)
+"""Exponents γ for which the likelihood is computed."""
+
+OTHER_CONTRAST = 1.2
+"""Exponent for which optical depths are computed in addition to those for 1."""
+
+CONTRAST_SPREAD = 0.1
+"""Standard deviation of the contrast between stands.  If there are few pulses, the contrast is
+therefore close to 1.
+"""
+
+JUDGING_PULSES = 50_000
+"""Largest number of pulses from which the contrast is found."""
 
 
 class VoxelSums(NamedTuple):
@@ -93,6 +111,23 @@ def attenuation(sums: VoxelSums, strengths: Strengths, voxel_m: float) -> Single
     )
     rate *= _pyramid(columns, strengths.column, voxel_m)
     return rate
+
+
+def contrasted(rate: Singles, contrast: float, voxel_m: float) -> Singles:
+    """λ, multiplied by D^(γ - 1), where D is the optical depth of the column.
+
+    Parameters
+    ----------
+    rate
+        λ [1/m] of shape (slices, rows, columns).
+    contrast
+        The exponent γ.
+    voxel_m
+        Edge of a voxel.
+    """
+    depth = rate.sum(axis=0) * np.float32(voxel_m)
+    found: Singles = rate * np.maximum(depth, np.float32(1e-9)) ** np.float32(contrast - 1.0)
+    return found
 
 
 def _pyramid(sums: VoxelSums, strength: float, voxel_m: float) -> Singles:
@@ -186,3 +221,56 @@ def scale_for(depths: Floats, gap: float) -> float:
         else:
             high = middle
     return float(np.exp(0.5 * (low + high)))
+
+
+def depths_at(contrast: float, depths: Floats) -> Floats:
+    """Optical depths of pulses for a contrast, shape (P,).
+
+    In between, the logarithm of a depth is nearly a linear function of the contrast.
+
+    Parameters
+    ----------
+    contrast
+        The exponent γ.
+    depths
+        Shape (2, P): optical depths for the contrasts 1 and `OTHER_CONTRAST`.
+    """
+    share = (contrast - 1.0) / (OTHER_CONTRAST - 1.0)
+    plain, other = np.maximum(depths, 1e-12)
+    found: Floats = plain * (other / plain) ** share
+    return found
+
+
+def best_contrast(depths: Floats, passed: Floats) -> float:
+    """The most likely contrast, given the transmissions of pulses and the spread of contrasts.
+
+    Parameters
+    ----------
+    depths
+        Optical depths as in `depths_at`, from λ that do not depend on these pulses.
+    passed
+        Shape (P,): measured share of the energy of each pulse that reaches the ground, 0 to 1.
+
+    Returns
+    -------
+    float
+        The contrast, between the first and the last of `CONTRASTS`.
+    """
+    every = -(-passed.size // JUDGING_PULSES)
+    depths, passed = depths[:, ::every], passed[::every]
+    gap = float(passed.mean())
+
+    def likelihood(contrast: float) -> float:
+        of_pulses = depths_at(contrast, depths)
+        depth = np.maximum(of_pulses * scale_for(of_pulses, gap), 1e-9)
+        of_data = ((1.0 - passed) * np.log(-np.expm1(-depth)) - passed * depth).sum()
+        return float(of_data) - 0.5 * ((contrast - 1.0) / CONTRAST_SPREAD) ** 2
+
+    values = np.array([likelihood(each) for each in CONTRASTS])
+    best = int(np.argmax(values))
+    if best in (0, len(values) - 1):
+        return CONTRASTS[best]
+    # The maximum of the parabola through the best value and its neighbours.
+    before, here, after = values[best - 1 : best + 2]
+    step = CONTRASTS[best] - CONTRASTS[best - 1]
+    return float(CONTRASTS[best] + 0.5 * step * (after - before) / (2.0 * here - before - after))

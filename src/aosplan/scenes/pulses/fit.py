@@ -146,6 +146,8 @@ class AttenuationField(NamedTuple):
     ----------
     rate
         λ [1/m], shape (slices, rows, columns), before scaling.
+    contrast
+        Exponent of the optical depths of columns, which `rate` contains.
     scales
         Scale factors of λ, for each of `ENERGIES`.
     gaps
@@ -161,6 +163,7 @@ class AttenuationField(NamedTuple):
     """
 
     rate: NDArray[np.float32]
+    contrast: float
     scales: dict[str, float]
     gaps: dict[str, float]
     strengths: attenuation.Strengths
@@ -217,7 +220,7 @@ def volume_from_pulses(
         raise RequestError(
             f"--leaf-size {leaf_m:g} m is larger than the plot, {size_m[0]:.4g} x {size_m[1]:.4g} m"
         )
-    leaf_m = leaf_m or realise.leaf_size_for(size_m, grid.slices)
+    leaf_m = leaf_m or realise.leaf_size_for(size_m, grid.slices, grid.voxel_m)
     middle, dense, thin = realise.realised(
         field.rate,
         grid.voxel_m,
@@ -410,26 +413,36 @@ def fitted_field(beams: Beams, grid: trace.VoxelGrid) -> AttenuationField:
     first, second = (attenuation.attenuation(half, strengths, grid.voxel_m) for half in sums)
     del sums
     through = through_canopy(beams, grid)
-    depths = np.zeros(len(beams.pulses))
+    depths = np.zeros((2, len(beams.pulses)))
     for k, part in enumerate(parts):
         others = attenuation.VoxelSums(*(each - own for each, own in zip(both, part, strict=True)))
         # Because of rounding, a difference of sums may be negative.
         for each in others:
             np.maximum(each, 0.0, out=each)
         rate = attenuation.attenuation(others, strengths, grid.voxel_m)
+        other = attenuation.contrasted(rate, attenuation.OTHER_CONTRAST, grid.voxel_m)
         held_out = through & (fold == k)
-        depths[held_out] = optical_depths(rate, beams.take(held_out), grid)
-    gaps = {name: float(each[through].mean()) for name, each in beams.gaps().items()}
+        depths[:, held_out] = optical_depths((rate, other), beams.take(held_out), grid)
+    passed = {name: each[through] for name, each in beams.gaps().items()}
+    gaps = {name: float(each.mean()) for name, each in passed.items()}
     if not 0.0 < gaps["weighted"] < 1.0:
         raise UnsoundPulsesError(
             "no pulse reaches the ground"
             if gaps["weighted"] == 0.0
             else "the canopy does not intercept any pulse"
         )
-    scales = {name: attenuation.scale_for(depths[through], gap) for name, gap in gaps.items()}
+    depths = depths[:, through]
+    contrast = attenuation.best_contrast(depths, passed["weighted"])
+    of_pulses = attenuation.depths_at(contrast, depths)
+    scales = {name: attenuation.scale_for(of_pulses, gap) for name, gap in gaps.items()}
     lowest = int(grid.cut_m / grid.voxel_m + FACE)
+    whole, first, second = (
+        attenuation.contrasted(rate, contrast, grid.voxel_m)
+        for rate in (attenuation.attenuation(both, strengths, grid.voxel_m), first, second)
+    )
     return AttenuationField(
-        attenuation.attenuation(both, strengths, grid.voxel_m),
+        whole,
+        contrast,
         scales,
         gaps,
         strengths,
@@ -471,10 +484,16 @@ def _sums(beams: Beams, grid: trace.VoxelGrid) -> attenuation.VoxelSums:
     return attenuation.VoxelSums(intercepted.reshape(shape), path_m.reshape(shape))
 
 
-def optical_depths(rate: NDArray[np.float32], beams: Beams, grid: trace.VoxelGrid) -> Floats:
-    """Optical depth along the whole line of each pulse, down to the cut, shape (P,)."""
+def optical_depths(
+    rates: Sequence[NDArray[np.float32]], beams: Beams, grid: trace.VoxelGrid
+) -> Floats:
+    """Optical depths for several fields of λ along the whole line of each pulse, down to the cut,
+    shape (rates, P).
+    """
     paths = trace.paths_to_ground(beams.returns, beams.pulses, beams.to_sensor, grid)
-    flat, depths = rate.ravel(), np.zeros(len(beams.pulses))
+    depths = np.zeros((len(rates), len(beams.pulses)))
     for part in trace.lengths_in_voxels(paths, grid):
-        np.add.at(depths, paths.owner[part.piece], flat[part.cell] * part.length_m)
+        owner = paths.owner[part.piece]
+        for rate, depth in zip(rates, depths, strict=True):
+            np.add.at(depth, owner, rate.ravel()[part.cell] * part.length_m)
     return depths

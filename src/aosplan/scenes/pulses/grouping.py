@@ -99,10 +99,14 @@ def intensity_energies(returns: Returns, pulses: Pulses, low: NDArray[np.bool_])
     """Energy of each return from its intensity; None if the intensities are not consistent.
 
     The intensity is divided by the mean intensity of single returns of the same kind (ground or
-    canopy), which have all the energy of their pulses. If intensity is proportional to energy, the
-    resulting energies of a pulse with several returns add up to about 1. The sum is larger if the
-    instrument adjusted its gain or recorded ranks instead of intensities. In this case the result
-    is None. Finally, the energies of each pulse are normalised to the sum 1.
+    canopy), which have all the energy of their pulses. A wide beam has few single returns in
+    foliage. If there are too few, the pulses with several returns of which at least one is ground
+    are used. The intensity of the whole energy is then the sum of the intensities of their returns
+    from the canopy, divided by the sum of the energies that do not reach the ground. If intensity
+    is proportional to energy, the resulting energies of a pulse with several returns add up to
+    about 1. The sum is larger if the instrument adjusted its gain or recorded ranks instead of
+    intensities. In this case the result is None. Finally, the energies of each pulse are normalised
+    to the sum 1.
 
     Parameters
     ----------
@@ -116,15 +120,25 @@ def intensity_energies(returns: Returns, pulses: Pulses, low: NDArray[np.bool_])
     intensity = returns.intensity.astype(np.float64)
     single = np.zeros(intensity.size, dtype=np.bool_)
     single[pulses.first[returns.total[pulses.first] == 1]] = True
-    energy = np.empty_like(intensity)
-    for kind in (low, ~low):
-        reference = intensity[single & kind]
-        if reference.size < FEWEST_OF_A_KIND or reference.mean() <= 0.0:
-            return None
-        energy[kind] = intensity[kind] / reference.mean()
     whole = pulses.take(returns.number[pulses.first] == 1)
-    sums = sums_of(whole, energy)
     several = returns.total[whole.first]
+    ground, canopy = intensity[single & low], intensity[single & ~low]
+    if ground.size < FEWEST_OF_A_KIND or ground.mean() <= 0.0:
+        return None
+    energy = intensity / ground.mean()
+    if canopy.size >= FEWEST_OF_A_KIND:
+        of_canopy = float(canopy.mean())
+    else:
+        of_ground = sums_of(whole, energy * low)
+        both = (of_ground > 0.0) & (several > 1)
+        left = float((1.0 - of_ground[both]).sum())
+        if np.count_nonzero(both) < FEWEST_OF_A_KIND or left <= 0.0:
+            return None
+        of_canopy = float(sums_of(whole, intensity * ~low)[both].sum()) / left
+    if of_canopy <= 0.0:
+        return None
+    energy[~low] = intensity[~low] / of_canopy
+    sums = sums_of(whole, energy)
     for n in range(2, int(several.max(initial=1)) + 1):
         found = sums[several == n]
         if found.size >= FEWEST_OF_A_KIND and abs(found.mean() - 1.0) > PLAUSIBLE_SUM:

@@ -26,18 +26,29 @@ stand.
 """
 
 LEAF_M = 0.06
-"""Default edge of a cell.  Sizes up to 0.1 m make little difference to a prediction."""
+"""Approximate default edge of a cell.  Sizes up to 0.1 m make little difference to a prediction."""
+
+SMALLEST_LEAF_M = 0.03
+FEWEST_COLUMNS = 65_000
+"""Number of columns of cells below which a plot gets smaller cells, down to `SMALLEST_LEAF_M`.  On a
+plot of 8 m, this halves the random error of p̄ and V because of the seed, to 0.001.
+"""
 
 MOST_CELLS = 400_000_000
 """Largest number of cells of a volume. On larger plots, the cells are larger."""
 
 
-def leaf_size_for(size_m: tuple[float, float], slices: int) -> float:
-    """Edge length of a cell [m] for a plot: `LEAF_M`, or more if the number of cells has to be
-    limited.
+def leaf_size_for(size_m: tuple[float, float], slices: int, voxel_m: float) -> float:
+    """Edge of a cell [m] for a plot.  It is about `LEAF_M`, smaller on small plots, and larger on
+    large plots to limit the number of cells.
+
+    If possible, a voxel is a whole number of cells wide, so that all voxels have equally many cells.
     """
-    width, depth = size_m
-    return max(LEAF_M, math.sqrt(width * depth * max(slices, 1) / MOST_CELLS))
+    area_m2 = math.prod(size_m)
+    wanted = min(LEAF_M, max(SMALLEST_LEAF_M, math.sqrt(area_m2 / FEWEST_COLUMNS)))
+    least = math.sqrt(area_m2 * max(slices, 1) / MOST_CELLS)
+    across = min(math.floor(voxel_m / wanted + 0.5), math.floor(voxel_m / least))
+    return voxel_m / across if across else max(wanted, least)
 
 
 def realised(
