@@ -12,14 +12,18 @@ Grids whose rays cross more than half of a part are left out.
 
 The plots are generated stands of 24 m and 48 m whose numbers of trees are Poisson distributed, and
 clouds if they are given.  Each cloud is used with the opacity from its pulses, if it has pulses,
-and with opaque voxels.  The last columns are the root mean squares of the predicted standard errors
-and of the differences.  It takes two minutes of processor time, prints a table, and writes it to
+and with opaque voxels.  The columns *stated* and *found* are the root mean squares of the predicted
+standard errors and of the differences.  It takes two minutes of processor time, prints a table, and writes it to
 benchmarks/results/.
+
+The last rows have the mean shares of each real plot and of both, and the range of these shares that
+is due to chance.  The range contains 95 % of the shares of plots whose quarters differ by normally
+distributed amounts, if all standard errors are exact.  All differences of a plot come from its four
+quarters, so that the range is wide.
 
 This benchmark has limits.  Parts of one plot are neighbours, and are more similar than two plots of
 a forest.  Two clouds are only two plots, and the differences of several grids between the same two
-parts are similar.  A row of real plots therefore has only about ten independent differences, and
-its shares have an error of about 15 %.
+parts are similar.
 """
 
 from __future__ import annotations
@@ -63,6 +67,9 @@ out.
 """
 
 QUANTITIES = ("density", "expected", "normalized")
+
+DRAWS = 20_000
+"""Number of random plots from which the range of shares by chance is computed."""
 
 
 def pairs(volume: VoxelVolume) -> Iterator[tuple[str, VoxelVolume, VoxelVolume]]:
@@ -157,7 +164,7 @@ def main() -> None:
             for view, kind, by_quantity in differences(volume):
                 for quantity, pair in zip(QUANTITIES, by_quantity, strict=True):
                     found.setdefault((name, view, kind, quantity), []).append(pair)
-    rows = [[*key, *shares(values)] for key, values in found.items()]
+    rows = [[*key, *shares(values), "", ""] for key, values in found.items()]
     rows += [*by_plot(rows), *together(rows)]  # from the rows of single readings
     header = [
         "stand",
@@ -169,6 +176,8 @@ def main() -> None:
         "within_2",
         "stated",
         "found",
+        "chance_1",
+        "chance_2",
     ]
     table = [header, *rows]
     widths = [max(len(row[column]) for row in table) for column in range(len(header))]
@@ -176,6 +185,26 @@ def main() -> None:
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)))
     with (HERE / "results" / "uncertainty.csv").open("w", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows(table)
+
+
+def chance(plots: int) -> list[str]:
+    """Range of the mean share within one and within two standard errors that contains 95 % of the
+    results, for a number of plots whose quarters are independent and normally distributed.
+    """
+    south_west, south_east, north_west, north_east = quarters = np.random.default_rng(
+        SEED
+    ).standard_normal((4, DRAWS, plots))
+    halves = (
+        0.5 * (south_west + north_west - south_east - north_east),
+        0.5 * (south_west + south_east - north_west - north_east),
+    )
+    pairs = [(one - other) / math.sqrt(2.0) for one, other in combinations(quarters, 2)]
+    ranges = []
+    for most in (1.0, 2.0):
+        shares = [np.mean([np.abs(each) <= most for each in kind], 0) for kind in (halves, pairs)]
+        low, high = np.quantile(np.mean(shares, axis=(0, 2)), (0.025, 0.975))
+        ranges.append(f"{low:.2f} to {high:.2f}")
+    return ranges
 
 
 def of_plots(rows: list[list[str]], view: str, quantity: str) -> dict[str, list[list[str]]]:
@@ -192,7 +221,8 @@ def mean_row(name: str, view: str, quantity: str, plots: list[list[list[str]]]) 
     """Mean shares of plots, with equal weights for plots and for the rows of each."""
     means = [np.mean([np.mean([float(row[i]) for row in each]) for each in plots]) for i in (5, 6)]
     count = sum(int(row[4]) for each in plots for row in each)
-    return [name, view, "all", quantity, str(count), *(f"{mean:.2f}" for mean in means), "", ""]
+    shown = (f"{mean:.2f}" for mean in means)
+    return [name, view, "all", quantity, str(count), *shown, "", "", *chance(len(plots))]
 
 
 def by_plot(rows: list[list[str]]) -> list[list[str]]:
