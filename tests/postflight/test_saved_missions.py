@@ -70,7 +70,7 @@ def test_invalid_routes_are_refused(tmp_path, waylines, words):
 
 
 def test_an_archive_without_a_route_is_refused(tmp_path):
-    with pytest.raises(RequestError, match=r"holds no waylines\.wpml"):
+    with pytest.raises(RequestError, match=r"contains no waylines\.wpml"):
         read_places(kmz(tmp_path, "<kml/>", "doc.kml"))
     (tmp_path / "plain.kmz").write_bytes(b"<kml/>")
     with pytest.raises(RequestError, match="is not a KMZ archive"):

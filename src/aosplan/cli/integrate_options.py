@@ -41,7 +41,7 @@ def integrate_options() -> list[Any]:
         text_option(
             "--band",
             "NAME",
-            "Photos to use, if a folder contains those of several cameras: thermal, visible, "
+            "Photos to use, if a folder contains photos of several cameras: thermal, visible, "
             "wide or zoom.",
             lens,
         ),

@@ -89,7 +89,7 @@ def _focus_lines(focus: dict[str, Any]) -> Iterator[tuple[str, str]]:
         f"at {ground['place']:.2f} ± {ground['deviation']:.2g} m (agreement {ground['value']:.2f})"
     )
     if crowns is None:
-        yield "Focus", f"lowest layer found {found}, the ground or the crowns"
+        yield "Focus", f"lowest layer found {found}; it is the ground or the crowns"
     else:
         yield (
             "Focus",

@@ -206,7 +206,7 @@ def _coverage_rows(coverage: CoverageMap) -> Iterator[tuple[str, str]]:
     why = (
         "in fewer photos than planned"
         if known["rule"] == "photos"
-        else "the probability of detection is more than 0.05 below that of the plan"
+        else "the probability of detection is more than 0.05 lower than in the plan"
     )
     yield (
         "Gaps",

@@ -50,7 +50,7 @@ def confidence_of(solved: SolvedPlan) -> Confidence:
         return Confidence(uncertainty_reason="nothing is hidden")
     if solved.guided is not None:
         return Confidence(
-            uncertainty_reason="the standard errors are those of plots, not of a single place"
+            uncertainty_reason="standard errors can be computed for plots, but not for a single place"
         )
     changes: tuple[Change, ...] = ()
     if solved.inputs.wants_sensitivity:

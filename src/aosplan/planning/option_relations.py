@@ -166,7 +166,7 @@ RELATIONS = (
     _unguided("view!=perspective", "all photos show one place, in perspective"),
     _unguided("edges!=auto|interior", "only positions whose rays stay on the plot are used"),
     _unguided("hold_error!=0.0", "errors of the position are not part of the choice"),
-    _unguided("sensitivity", "the sensitivity is that of a grid"),
+    _unguided("sensitivity", "the sensitivity can be computed only for a grid"),
     _unguided("allow_no_common_ground", "every photo shows the whole target area"),
     *(
         _rule(

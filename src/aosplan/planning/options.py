@@ -113,10 +113,10 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("signature", q.one_of(SIGNATURES), "text", "NAME",
          f"Set of assumed radiances for --find: {', '.join(SIGNATURES)}.  [default]"),
         ("contrast", parse.contrast, "number", "C",
-         "Radiance of the target minus that of the ground, in standard deviations between "
+         "Radiance of the target minus radiance of the ground, in standard deviations between "
          "occluders."),
         ("canopy_offset", parse.radiance, "number", "M",
-         "Mean radiance of the canopy minus that of the ground, in the unit of --contrast."),
+         "Mean radiance of the canopy minus radiance of the ground, in the unit of --contrast."),
         ("crown_share", q.share, "share", "X",
          "Share of the variance of the canopy's radiance that comes from differences between crowns."),
         ("false_alarms", parse.false_alarms, "number", "N",

@@ -50,7 +50,7 @@ def _waylines(names: list[str], path: str) -> str:
     found = [name for name in names if name.replace("\\", "/").rpartition("/")[2] == MEMBER]
     if len(found) != 1:
         raise RequestError(
-            f"'{path}' holds {len(found) or 'no'} {MEMBER}: it is not one WPML route",
+            f"'{path}' contains {len(found) or 'no'} {MEMBER}, so it is not a single WPML route",
             "if the file describes an area, give it as --area",
         )
     return found[0]

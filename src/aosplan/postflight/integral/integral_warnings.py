@@ -75,9 +75,9 @@ def focus_warnings(focus: Focus | None) -> list[Message]:
         found.append(
             Message(
                 "one_layer",
-                f"the photos agree at only one height, {focus.ground.place:.4g} m, which may be that "
-                "of the ground or of the crowns; if it is that of the crowns, give lower heights "
-                "with --focus H1..H2",
+                f"the photos agree at only one height, {focus.ground.place:.4g} m, which may be the "
+                "height of the ground or of the crowns; if it is the height of the crowns, give "
+                "lower heights with --focus H1..H2",
             )
         )
     count = len(focus.correction.shifts_m)

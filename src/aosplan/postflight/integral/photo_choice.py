@@ -209,7 +209,7 @@ def _turned(tags: Mapping[str, PhotoMetadata]) -> list[Message]:
         Message(
             "orientation",
             f"{len(turned)} photos have an EXIF orientation other than 1 and are not turned, "
-            "because their yaw, pitch and roll are assumed to be those of the sensor: "
+            "because their yaw, pitch and roll are assumed to refer to the sensor: "
             + named(turned),
         )
     ]
