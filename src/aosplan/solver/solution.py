@@ -105,7 +105,7 @@ def _limits(
             baseline_m,
             baseline_m,
             "neighbouring photos share no occluder; a larger baseline would only compensate "
-            "for the hold error",
+            "for the position error (--hold-error)",
         )
     elif problem.objective in BEST:
         yield Limit(
