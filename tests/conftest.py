@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import tomli_w
+from _pytest.doctest import DoctestModule
 from hypothesis import settings
 
 # Tests import `reference` and `support` by name, from any folder in which pytest is started.
@@ -19,6 +20,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 # Tests use neither the cache nor the defaults of the user.
 os.environ["AOSPLAN_CACHE"] = "0"
 os.environ["AOSPLAN_DEFAULTS"] = "none"
+
+# As in the program, OpenBLAS does not start a thread for each processor (`aosplan.__main__`).
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Tests have no time limits, because benchmarks measure time.  In CI, the examples of Hypothesis are
 # the same in every run. Elsewhere, every run has new examples.
@@ -48,6 +52,12 @@ def pytest_runtest_makereport():
         return (yield)
     finally:
         gc.enable()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path):
+    """Look for doctests only outside this folder, because tests have no doctests."""
+    return [each for each in (yield) if not isinstance(each, DoctestModule)]
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -20,7 +20,9 @@ def limit_cases():
     for name, form in formats().items():
         for limits in form.limits:
             if limits.waypoints[1] is not None:
-                yield name, limits.target, limits.waypoints[1]
+                most = limits.waypoints[1]
+                marks = [pytest.mark.slow] if most > 10_000 and name == "kmz" else []
+                yield pytest.param(name, limits.target, most, marks=marks)
 
 
 @pytest.mark.parametrize(("name", "target", "most"), list(limit_cases()))

@@ -229,7 +229,9 @@ def simulate(layers, altitude, side, baseline, *, volumes, targets, seed):
     ]
 
 
-@pytest.mark.parametrize(("baseline", "vhat"), [(1.0, 0.938), (3.5, 0.970)])
+@pytest.mark.parametrize(
+    ("baseline", "vhat"), [pytest.param(1.0, 0.938, marks=pytest.mark.slow), (3.5, 0.970)]
+)
 def test_a_simulated_volume_of_sixty_slices_shows_what_is_predicted(baseline, vhat):
     """The simulation agrees within its standard errors.  The uniform formula would give V̂ =
     0.980.

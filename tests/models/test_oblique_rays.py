@@ -168,7 +168,7 @@ def test_cubes_at_random_show_what_is_predicted(baseline):
     pattern = Pattern(3, 4)
     cameras = [((c - 1.5) * baseline, (r - 1.0) * baseline) for r, c in pattern.sites()]
     rng = np.random.default_rng(5)
-    seen = [hidden(rng, rate, cameras, 100) for _ in range(50)]
+    seen = [hidden(rng, rate, cameras, 100) for _ in range(25)]
     slices = 50
     layers = [
         Layer(

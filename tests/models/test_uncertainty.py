@@ -151,6 +151,7 @@ def test_a_measured_plan_states_its_errors_and_its_edges(stand):
     assert visibility["noise"] is None
 
 
+@pytest.mark.slow
 def test_position_noise_and_standard_error_are_stated_separately(stand):
     noisy = PlanRequest(altitude=60, scene=stand, baseline=1.5, samples=9, hold_error=0.5)
     visibility = plan(noisy).document()["visibility"]

@@ -198,6 +198,7 @@ def test_positions_too_far_apart_are_refused(tmp_path):
         read_positions(str(path))
 
 
+@pytest.mark.slow
 def test_many_places_are_read(tmp_path):
     mission = grid(2500)
     for name in ENDINGS:

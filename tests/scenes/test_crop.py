@@ -186,6 +186,7 @@ class TestPulsesOfWidePlots:
         x, y = (low + high) / 2.0
         self.crop = Crop((x - 10.0, y - 10.0, x + 10.0, y + 10.0))
 
+    @pytest.mark.slow
     def test_a_crop_has_the_pulses_over_it_alone(self):
         volume, opacity = pulses_of(UAS, crop=self.crop)
         assert opacity.source == "pulses"

@@ -153,13 +153,9 @@ def visibilities(views):
     return v, (v - (1.0 - p)) / (p * (1.0 - p))
 
 
-@pytest.mark.parametrize(
-    "view", ["telecentric", pytest.param("perspective", marks=pytest.mark.slow)]
-)
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[] if name == "spruce" else [pytest.mark.slow]) for name in STANDS],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("view", ["telecentric", "perspective"])
+@pytest.mark.parametrize("name", STANDS)
 def test_views_of_generated_forests_agree_with_traced_rays(name, view):
     assert_like_rays(clumped_forest(STANDS[name]), view)
 

@@ -121,7 +121,7 @@ def test_one_leaf_hides_its_shadow():
     assert hidden.mean() == pytest.approx(np.pi * 0.09 / 4.0, rel=0.01)
 
 
-@pytest.mark.parametrize("voxel_m", [0.15, 0.25])
+@pytest.mark.parametrize("voxel_m", [0.15, pytest.param(0.25, marks=pytest.mark.slow)])
 def test_known_leaves_are_predicted_from_their_pulses(tmp_path, leaves, voxel_m):
     _, (density, expected), scan = leaves
     path = write_scan(tmp_path / "leaves.las", scan)

@@ -1,5 +1,7 @@
 """Rays through plates, compared with counts of cells, and with Beer's law for the path length."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,6 +12,7 @@ from aosplan.scenes.occlusion import Occlusion
 from aosplan.scenes.voxels import VoxelVolume
 
 
+@cache
 def plates(slices=200, density=0.005, cells=400, seed=1):
     occupied = np.random.default_rng(seed).random((slices, cells, cells)) < density
     return VoxelVolume(occupied, 0.1, slice_m=0.1)

@@ -182,7 +182,10 @@ def test_the_coverage_rule_on_the_real_stand(cut, baseline):
 @real
 @pytest.mark.parametrize(
     ("baseline", "density", "visibility", "normalized"),
-    [(2.0, 0.797, 0.3105, 0.668), (3.5, 0.826, 0.2923, 0.820)],
+    [
+        (2.0, 0.797, 0.3105, 0.668),
+        pytest.param(3.5, 0.826, 0.2923, 0.820, marks=pytest.mark.slow),
+    ],
 )
 def test_the_measured_model_on_the_real_stand(baseline, density, visibility, normalized):
     # The known values are for voxels with points and for the periodic plot.

@@ -224,6 +224,7 @@ def test_there_is_a_picture_of_every_kind():
 
 
 @pytest.mark.skipif(not SAME, reason=f"approved pictures are of {VERSION.read_text().strip()}")
+@pytest.mark.slow
 def test_pictures_look_as_approved():
     for name, content in pictures():
         assert rms(small(content), (FOLDER / name).read_bytes()) <= MOST_RMS, name

@@ -299,7 +299,15 @@ def test_text_with_many_values_cannot_colour_points():
     assert [group.value for group in found.groups] == [f"scene {k}" for k in range(MOST_GROUPS)]
 
 
-@pytest.mark.parametrize("count", range(1, MOST_PANELS + 1))
+@pytest.mark.parametrize(
+    "count",
+    [
+        1,
+        2,
+        *(pytest.param(count, marks=pytest.mark.slow) for count in range(3, MOST_PANELS)),
+        MOST_PANELS,
+    ],
+)
 def test_each_value_has_a_map_in_the_same_colours(count):
     rows = [
         {"a": a, "b": b, "c": c, "samples": 10.0 * c + a + b, "status": "ok"}

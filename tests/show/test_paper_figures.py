@@ -169,7 +169,11 @@ def test_agreement_counts_points_within_two_standard_errors():
 
 @pytest.mark.parametrize("number", EVERY)
 @pytest.mark.parametrize(
-    "look", [FigureStyle(DARK, width_mm=140.0), FigureStyle()], ids=["narrow", "wide"]
+    "look",
+    [
+        pytest.param(FigureStyle(DARK, width_mm=140.0), id="narrow"),
+        pytest.param(FigureStyle(), id="wide", marks=pytest.mark.slow),
+    ],
 )
 def test_no_words_are_cut_or_on_others(figure_of, number, look):
     with mpl.rc_context():
