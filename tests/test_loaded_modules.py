@@ -137,7 +137,23 @@ def test_plain_help_loads_typer_and_no_command(arguments, loaded, packages):
     assert "typer" in packages(command(*arguments))
     assert not packages(command(*arguments)) & (HEAVY | RICH)
     found = {name for name in loaded(command(*arguments)) if name.startswith("aosplan.")}
-    assert found == {"aosplan.cli", "aosplan.cli.app", "aosplan.errors"}
+    assert found == {
+        "aosplan.cli",
+        "aosplan.cli.app",
+        "aosplan.cli.typer_classes",
+        "aosplan.errors",
+    }
+
+
+def test_commands_load_only_the_classes_of_typer(loaded):
+    found = loaded(command("plan", "--altitude", "40", "--json"))
+    assert "typer.core" in found
+    assert "typer.main" not in found
+
+
+def test_other_code_gets_the_whole_typer_after_a_command(loaded):
+    use = "import typer; typer.core.TyperGroup; typer.Typer(); from typer import colors"
+    assert "typer.main" in loaded(f"{command('cameras', '--json')}\n{use}")
 
 
 def test_a_place_loads_pyproj_and_nothing_else_that_is_heavy(packages):

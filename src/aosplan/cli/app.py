@@ -11,10 +11,8 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from typer.core import TyperCommand, TyperGroup, TyperOption
-from typer.exceptions import Exit, TyperException
-
 from aosplan import __version__
+from aosplan.cli.typer_classes import Exit, TyperCommand, TyperException, TyperGroup, TyperOption
 from aosplan.errors import AosplanError, RequestError, SurroundingsError
 
 if TYPE_CHECKING:

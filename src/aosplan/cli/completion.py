@@ -20,7 +20,7 @@ from aosplan.errors import RequestError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from typer.core import TyperGroup
+    from aosplan.cli.typer_classes import TyperGroup
 
 VARIABLE = "AOSPLAN_COMPLETE"
 """Environment variable that requests candidates."""

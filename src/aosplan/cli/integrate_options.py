@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from typer.core import TyperOption
-
 from aosplan.cli.options import file_argument, flag_option, json_option, text_option
+from aosplan.cli.typer_classes import TyperOption
 
 
 def integrate_options() -> list[Any]:

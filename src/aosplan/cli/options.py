@@ -6,9 +6,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from typer.core import TyperArgument, TyperCommand, TyperOption
-from typer.exceptions import Exit
-
+from aosplan.cli.typer_classes import Exit, TyperArgument, TyperCommand, TyperOption
 from aosplan.planning.options import BY_NAME, OPTIONS, Option
 
 if TYPE_CHECKING:

@@ -6,8 +6,6 @@ import math
 import os
 from typing import TYPE_CHECKING, Any
 
-from typer.core import TyperOption
-
 from aosplan.cli.options import (
     command,
     defaults_option,
@@ -26,6 +24,7 @@ from aosplan.cli.output import (
     write_outputs,
     writes_stdout,
 )
+from aosplan.cli.typer_classes import TyperOption
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

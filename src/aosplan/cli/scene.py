@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from typer.core import TyperArgument, TyperOption
-
 from aosplan.cli.options import command, flag_option, json_option, request_options
 from aosplan.cli.output import check_apart, print_json, print_warnings, progress_bar
+from aosplan.cli.typer_classes import TyperArgument, TyperOption
 from aosplan.errors import RequestError
 from aosplan.show.text.terminal import print_notice
 

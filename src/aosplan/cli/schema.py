@@ -5,10 +5,9 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from typer.core import TyperArgument
-
 from aosplan.cli.options import command
 from aosplan.cli.output import print_json
+from aosplan.cli.typer_classes import TyperArgument
 from aosplan.errors import RequestError
 from aosplan.units import nearest_hint
 

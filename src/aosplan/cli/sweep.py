@@ -7,8 +7,6 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from typer.core import TyperOption
-
 from aosplan import __version__
 from aosplan.cli.options import (
     command,
@@ -20,6 +18,7 @@ from aosplan.cli.options import (
 )
 from aosplan.cli.output import print_json, shown_live, waiting_bar
 from aosplan.cli.simulate import read_settings
+from aosplan.cli.typer_classes import TyperOption
 from aosplan.errors import RequestError
 from aosplan.files import check_output
 from aosplan.messages import SCHEMA
