@@ -227,8 +227,8 @@ def test_crowns_have_the_covariance_of_drawn_fields():
     assert (error < 0.03).all()
 
 
-@pytest.mark.parametrize("scattered", [False, True], ids=["grid", "scattered"])
-def test_crowns_of_a_pattern_are_summed_over_all_its_pairs(scattered):
+@pytest.mark.parametrize("kind", ["grid", "gaps", "scattered"])
+def test_crowns_of_a_pattern_are_summed_over_all_its_pairs(kind):
     """The covariances equal sums over all pairs of photos and heights.  The mean over the box is
     computed by quadrature.
     """
@@ -236,7 +236,9 @@ def test_crowns_of_a_pattern_are_summed_over_all_its_pairs(scattered):
     ends, made = np.array([0.2, 0.5, 0.3]), kernels(PERSON, 0.3)
     x, y = np.meshgrid([0.0, 5.0, 10.0], [-2.0, 1.5])
     sites = np.column_stack([x.ravel(), y.ravel()])
-    if scattered:
+    if kind == "gaps":
+        sites = np.delete(sites, 4, axis=0)
+    if kind == "scattered":
         sites = sites + np.random.default_rng(1).normal(0.0, 2.0, sites.shape)
     window, box = crown_covariances(sites, heights, ends, altitude, PERSON, made)
     near = 1.0 - ends @ heights / altitude

@@ -118,23 +118,29 @@ def _characteristic(
     """φ at all wave numbers along y (rows) and at the non-negative wave numbers along x
     (columns).
     """
-    rounded = np.round(sites_m, 6)
-    x, y = (np.unique(axis) for axis in rounded.T)
-    positive = k[len(k) // 2 :]
-    if len(x) * len(y) == len(sites_m) == len(np.unique(rounded, axis=0)):
-        # For a grid of cameras, φ is the product of the means over rows and over columns.
-        along_x, along_y = (
-            np.exp(1j * waves[:, None, None] * slopes[:, None] * axis).mean(axis=2)
-            for waves, axis in ((positive, x), (k, y))
-        )
-        along_y = along_y * ends
+    (x, column), (y, row) = (np.unique(axis, return_inverse=True) for axis in sites_m.round(6).T)
+    middle = len(k) // 2
+    if len(x) + len(y) <= len(sites_m):
+        # On a grid, with or without gaps, few coordinates differ. The waves of each height are
+        # therefore summed over the cameras of each column of the grid first.
+        cameras = np.zeros((len(y), len(x)))
+        np.add.at(cameras, (row, column), 1.0 / len(sites_m))
+        waves_x, waves_y = (_waves(k[middle:], slopes[:, None] * axis) for axis in (x, y))
+        waves_y = (ends[:, None] * waves_y) @ cameras
     else:
-        places = (sites_m[:, None] * slopes[:, None]).reshape(-1, 2)
-        weights = np.tile(ends, len(sites_m)) / len(sites_m)
-        along_x = np.exp(1j * np.outer(positive, places[:, 0]))
-        along_y = np.exp(1j * np.outer(k, places[:, 1])) * weights
-    found: NDArray[np.complex128] = along_y @ along_x.T
+        places = sites_m * slopes[:, None, None]
+        waves_x, waves_y = (_waves(k[middle:], places[..., axis]) for axis in (0, 1))
+        waves_y = waves_y * (ends[:, None] / len(sites_m))
+    along_x, along_y = (waves.reshape(middle + 1, -1) for waves in (waves_x, waves_y))
+    # The waves of negative wave numbers are the conjugate ones.
+    found: NDArray[np.complex128] = np.vstack([along_y[:0:-1].conj(), along_y]) @ along_x.T
     return found
+
+
+def _waves(k: Floats, places_m: Floats) -> NDArray[np.complex128]:
+    """exp(i k s) at places s, with the wave numbers along the first axis."""
+    waves: NDArray[np.complex128] = np.exp(1j * k[:, None, None] * places_m)
+    return waves
 
 
 def _blurred(k: Floats, variance: float) -> Floats:
