@@ -24,7 +24,7 @@ class Cluster:
         self.workers = []
         file = folder / "scheduler.json"
         self.scheduler = self._start("scheduler", "--port", "0", "--scheduler-file", file)
-        self.address = wait_for(lambda: read_address(file), 60)
+        self.address = wait_for(lambda: read_address(file), 300)
 
     def _start(self, kind, *arguments, environment=None, before=()):
         common = ["--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0"]
@@ -38,7 +38,7 @@ class Cluster:
             )
 
     def add_worker(self, *arguments, **settings):
-        options = ["--nthreads", 1, "--no-nanny", "--memory-limit", 0, "--death-timeout", 30]
+        options = ["--nthreads", 1, "--no-nanny", "--memory-limit", 0, "--death-timeout", 300]
         place = ["--local-directory", self.folder / "workers"]
         worker = self._start("worker", self.address, *options, *place, *arguments, **settings)
         self.workers.append(worker)
@@ -56,8 +56,8 @@ class Cluster:
     def await_threads(self, count):
         from distributed import Client
 
-        with Client(self.address, set_as_default=False, timeout=30) as client:
-            wait_for(lambda: len(client.nthreads()) == count, 60)
+        with Client(self.address, set_as_default=False, timeout=300) as client:
+            wait_for(lambda: len(client.nthreads()) == count, 300)
 
     def end(self):
         for process in [*self.workers, self.scheduler]:
