@@ -6,6 +6,7 @@ import gc
 import json
 import os
 import shutil
+import signal
 import sys
 from pathlib import Path
 
@@ -23,6 +24,11 @@ os.environ["AOSPLAN_DEFAULTS"] = "none"
 
 # As in the program, OpenBLAS does not start a thread for each processor (`aosplan.__main__`).
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# A shell that starts tests in the background lets them ignore Ctrl-C, and so would the programs that
+# the tests start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Tests have no time limits, because benchmarks measure time.  In CI, the examples of Hypothesis are
 # the same in every run. Elsewhere, every run has new examples.
