@@ -82,7 +82,7 @@ def test_the_limits_of_visibility_are_those_of_the_paper(figure_of):
 def test_the_stand_has_the_density_of_the_paper(figure_of):
     found = figure_of("6")
     assert projects(found) == {
-        "p of the stand, which is generated to have it": 0.567,
+        "p of the stand, which is generated with this p": 0.567,
         "p by Eq. 1 with the stand's mean D": 0.809,
         "b at which 98 % have d̂ ≥ 1, uniform": 3.5,
         "b at which 98 % have d̂ ≥ 1, stand": 3.05,

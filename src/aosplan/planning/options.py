@@ -228,8 +228,8 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
          "Direction of the flight lines, clockwise from true north; best (for visibility); "
              "or auto (along an area).  [default]"),
         ("line_length", parse.length, "number", "M",
-         "Length of a continuous line, for --grid line.  Any N consecutive photos make an "
-         "integral."),
+         "Length of a continuous line, for --grid line.  Any N consecutive photos can be "
+         "averaged to an integral image."),
     ),
     "Area": (
         ("area", q.word, "text", "FILE", "Area to cover (GeoJSON, KML, KMZ), instead of --origin."),

@@ -62,7 +62,7 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
         tuple(rows),
         (PaperValue("l/o at which D = 0.95 % gives p = 56.7 %", UNSTATED, f"{ratio:.2f}"),),
         (
-            "Each curve rises from 0 towards 1, the faster the larger D is.",
+            "Each curve rises from 0 towards 1. It rises faster if D is larger.",
             agreement("p of simulated volumes", away),
         ),
     )

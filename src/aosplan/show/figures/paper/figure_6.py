@@ -71,7 +71,7 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
         tuple(rows),
         (
             PaperValue(
-                "p of the stand, which is generated to have it", f"{DENSITY}", f"{hidden[-1]:.3f}"
+                "p of the stand, which is generated with this p", f"{DENSITY}", f"{hidden[-1]:.3f}"
             ),
             PaperValue("p by Eq. 1 with the stand's mean D", UNSTATED, f"{model[-1]:.3f}"),
             PaperValue(
@@ -83,8 +83,8 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
         ),
         (
             "The base of the uniform scene (paper-forest) is chosen so that b is 3.5 m.",
-            "The scan of the paper is not public, and the stand has other heights and sizes.",
-            "Eq. 1 assumes independent slices; in clumps, occluders are behind each other.",
+            "The scan of the paper is not public. The generated stand has other heights and sizes.",
+            "Eq. 1 assumes independent slices. In clumps, many occluders are behind other occluders.",
         ),
     )
 

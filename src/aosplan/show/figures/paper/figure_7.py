@@ -91,7 +91,7 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
         tuple(values),
         (
             NOT_PUBLIC,
-            "The paper's section III has √N pitches in an aperture, its Eq. 5 and Fig. 7 one fewer.",
+            "In section III of the paper, an aperture is √N baselines long. In Eq. 5 and Fig. 7, it is one baseline shorter.",
             f"V̂ of the first stand: measured model "
             f"{model.predict(pattern, BASELINE_M).normalized:.4f}, simulated {first.normalized:.4f}.",
         ),

@@ -65,9 +65,9 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
             for name, k in (("V̂", 1), ("SSIM", 2))
         ),
         (
-            "The more images and the wider apart they are, the clearer the chart becomes.",
-            f"An aperture of 45 m looks through more wood: p is {chosen[0]:.2f} and then "
-            f"{most[0]:.2f}; the reference has {DENSITY:g}, so the image becomes darker than it.",
+            "The chart becomes clearer with more images and with larger distances between them.",
+            f"The rays of an aperture of 45 m cross more foliage. p increases from {chosen[0]:.2f} to "
+            f"{most[0]:.2f}. In the reference image, p is {DENSITY:g}, so the new image is darker than the reference.",
         ),
         tuple(pictures),
     )

@@ -27,8 +27,9 @@ LOSSES = "no significant loss"
 """What the paper says about the SSIM of 25 and more samples."""
 
 DIFFERENCE = (
-    "The recording of the paper is not public, and it prints no numbers of this figure; in the "
-    "rendered one, wide apertures look through more wood, so their images are darker."
+    "The recording of the paper is not public, and the paper contains no numbers for this figure. In "
+    "the simulated recording, the rays of wide apertures cross more foliage, so their images are "
+    "darker."
 )
 
 
