@@ -334,7 +334,9 @@ def test_a_figure_of_too_many_maps_is_refused():
     rows = [
         {"a": 1, "b": 2, "c": c, "samples": 1.0, "status": "ok"} for c in range(MOST_PANELS + 1)
     ]
-    with pytest.raises(RequestError, match="more than 6 different values, and a figure at most 6"):
+    with pytest.raises(
+        RequestError, match="more than 6 different values, but a figure can have at most 6"
+    ):
         frame_of(pl.DataFrame(rows).lazy(), ColumnChoice("a", "b", "samples", "c"))
 
 

@@ -135,6 +135,6 @@ def counted_part(
 def nothing_inside() -> RequestError:
     """The error if only the interior may be counted, but no place is inside."""
     return RequestError(
-        "--edges interior: for every place of the plot, at least one ray to this grid leaves the plot",
+        "--edges interior is not possible, because at least one ray from every place to this grid leaves the plot",
         "measure a larger plot, plan a smaller grid (--max-aperture), or give --edges wrapped",
     )

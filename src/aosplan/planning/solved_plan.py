@@ -219,7 +219,8 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
             )
         if inputs.edges == "interior" and table.edges != "interior":
             raise RequestError(
-                f"--edges interior: scene '{inputs.scene_name}' was saved with --edges wrapped",
+                f"--edges interior cannot be used, because scene '{inputs.scene_name}' was saved with "
+                "--edges wrapped",
                 "save it again with --edges auto, or leave out --edges",
             )
         return memo(_surrogate, table, inputs.edges, altitude, **common), None

@@ -226,8 +226,8 @@ def frame_of(lazy: pl.LazyFrame, choice: ColumnChoice = TRADEOFF) -> SweepFigure
     values = _different(lazy, by, MOST_PANELS)
     if values is None:
         raise RequestError(
-            f"column '{by}' has more than {MOST_PANELS} different values, and a figure at most "
-            f"{MOST_PANELS} maps",
+            f"column '{by}' has more than {MOST_PANELS} different values, but a figure can have at "
+            f"most {MOST_PANELS} maps",
             f"sweep fewer values of {by}",
         )
     column = polars().col(by)
