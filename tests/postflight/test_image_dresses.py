@@ -9,7 +9,7 @@ import pytest
 
 from aosplan.errors import RequestError
 from aosplan.postflight.integral.colmap import read_colmap
-from aosplan.postflight.integral.images import read_picture
+from aosplan.postflight.integral.images import damage_of, read_picture
 
 tifffile = pytest.importorskip("tifffile")
 Image = pytest.importorskip("PIL.Image")
@@ -116,3 +116,32 @@ def test_names_that_lead_out_of_the_folder_are_refused(command, folder, name):
     status, _, err = command(*recording(folder, ["a.png", name], held=["a.png"]))
     assert status == 2
     assert "is outside the folder" in err
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+@pytest.mark.parametrize("rows", [7, 50])
+def test_a_tiff_without_compression_has_its_stored_values(tmp_path, kind, rows):
+    # With 7 rows in each strip, the last strip is shorter.
+    wanted = np.random.default_rng(3).integers(0, np.iinfo(kind).max, (50, 30)).astype(kind)
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, wanted, rowsperstrip=rows, photometric="minisblack")
+    found = read_picture(str(path))
+    assert found.pixels.dtype == kind
+    assert found.is_byte == (kind == np.uint8)
+    np.testing.assert_array_equal(found.pixels[..., 0], wanted)
+    assert damage_of(str(path)) is None
+    path.write_bytes(path.read_bytes()[:-20])
+    assert "damaged" in str(damage_of(str(path)))
+
+
+@pytest.mark.parametrize("after", [b"", b"\0" * 100, b"data of the drone"])
+@pytest.mark.parametrize("ending", ["jpg", "png"])
+def test_only_incomplete_photos_are_damaged(tmp_path, after, ending):
+    path = tmp_path / f"a.{ending}"
+    pixels = np.random.default_rng(4).integers(0, 255, (64, 64)).astype(np.uint8)
+    Image.fromarray(pixels).save(path)
+    content = path.read_bytes()
+    path.write_bytes(content + after)
+    assert damage_of(str(path)) is None
+    path.write_bytes(content[: len(content) // 2])
+    assert "damaged" in str(damage_of(str(path)))

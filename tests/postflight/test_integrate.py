@@ -347,7 +347,23 @@ def damaged(path, how):
         Image.new("RGB", (WIDTH, HEIGHT)).save(path)
 
 
-@pytest.mark.parametrize("how", ["short", "text", "empty", "size", "colour"])
+@pytest.mark.parametrize("how", ["short", "text", "empty"])
+def test_a_damaged_image_is_left_out_and_named(command, recorded, folder, how):
+    damaged(folder / "images" / "004.tif", how)
+    status, out, err = command(*recorded, "--out", "i.png", "--json")
+    assert status == 0
+    assert "1 of 9 photos is damaged and left out: 004.tif" in " ".join(err.split())
+    assert json.loads(out)["views"] == 8
+    assert "damaged_photos" in [each["code"] for each in json.loads(out)["warnings"]]
+
+
+def test_images_that_are_all_damaged_are_refused(command, recorded, folder):
+    for path in (folder / "images").iterdir():
+        damaged(path, "short")
+    assert "000.tif' is damaged" in refused(command, *recorded, "--out", "i.png")
+
+
+@pytest.mark.parametrize("how", ["size", "colour"])
 def test_an_image_that_is_not_like_the_others_is_named(command, recorded, folder, how):
     damaged(folder / "images" / "004.tif", how)
     assert "004.tif" in refused(command, *recorded, "--out", "i.png")

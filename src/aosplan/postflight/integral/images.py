@@ -44,8 +44,19 @@ BANDS = {
 """The mode to which each of Pillow's modes is converted."""
 
 
+RAW = {("L", 0, 1): "u1", ("I;16", 0, 1): "<u2"}
+"""Types of pixels in TIFFs without compression, by Pillow's arguments of the decoder."""
+
 ROWS_AT_ONCE = 256
 """Number of rows that are converted to 8 bits at once."""
+
+ENDS, TAIL_BYTES = {"JPEG": b"\xff\xd9", "PNG": b"IEND\xaeB`\x82"}, 4096
+"""Last bytes of complete images by format, which zeros may follow; and the number of bytes in which
+they are searched.
+"""
+
+STRIP_OFFSETS, STRIP_LENGTHS = 273, 279
+"""TIFF tags of the positions and the lengths of the strips."""
 
 BITS_PER_SAMPLE, SAMPLE_FORMAT, GDAL_NODATA = 258, 339, 42113
 """TIFF tags.  The sample format is 1 for unsigned integers, 2 for signed integers, and 3 for
@@ -173,6 +184,30 @@ def image_size(path: str) -> tuple[int, int]:
         return image.size
 
 
+def damage_of(path: str) -> RequestError | None:
+    """The error with which an incomplete image is refused; None for other images.
+
+    Files without the usual end are decoded, because some programs append data to complete images.
+    """
+    try:
+        with _opened(path) as image:
+            ends = ENDS.get(image.format or "")
+            tags = getattr(image, "tag_v2", {})
+        if ends is not None:
+            with open(path, "rb") as file:
+                file.seek(-min(TAIL_BYTES, os.path.getsize(path)), os.SEEK_END)
+                is_complete = file.read().rstrip(b"\0").endswith(ends)
+        else:
+            starts, lengths = tags.get(STRIP_OFFSETS, ()), tags.get(STRIP_LENGTHS, ())
+            last = max(map(sum, zip(starts, lengths, strict=False)), default=0)
+            is_complete = last <= os.path.getsize(path)
+        if not is_complete:
+            read_picture(path)
+    except RequestError as error:
+        return error
+    return None
+
+
 def read_picture(path: str, block_px: int = 1) -> Picture:
     """Read an image file.
 
@@ -204,8 +239,7 @@ def read_picture(path: str, block_px: int = 1) -> Picture:
             image.draft(None, (max(width // block_px, 1), max(height // block_px, 1)))
         block_px = max(round(width / image.width), 1)
         try:
-            deep = _deep(image, path)
-            picture = _picture(image, mode) if deep is None else _deep_picture(deep)
+            picture = _decoded(image, mode, path)
             picture = _without(picture, getattr(image, "tag_v2", {}).get(GDAL_NODATA))
         except (OSError, SyntaxError, ValueError, IndexError, EOFError) as error:
             raise RequestError(
@@ -216,6 +250,14 @@ def read_picture(path: str, block_px: int = 1) -> Picture:
         return picture
     whole = picture.pixels[: height // block_px, : width // block_px]
     return picture._replace(pixels=whole, block_px=block_px)
+
+
+def _decoded(image: Image, mode: str, path: str) -> Picture:
+    stored = _stored(image, path)
+    if stored is not None:
+        return Picture(stored[..., np.newaxis], None, is_byte=stored.dtype == np.uint8)
+    deep = _deep(image, path)
+    return _picture(image, mode) if deep is None else _deep_picture(deep)
 
 
 def _without(picture: Picture, nodata: Any) -> Picture:
@@ -265,6 +307,32 @@ def _deep(image: Image, path: str) -> NDArray[np.generic] | None:
             "save it as a TIFF with 16 bits per colour, without compression",
         )
     return pixels
+
+
+def _stored(image: Image, path: str) -> NDArray[Any] | None:
+    """Pixels of a grey TIFF without compression, read from its file at once; None for other images.
+
+    Pillow needs several times as long.
+    """
+    tiles = list(getattr(image, "tile", ()))
+    if image.format != "TIFF" or not tiles or tiles[0][3] not in RAW:
+        return None
+    kind = np.dtype(RAW[tiles[0][3]])
+    width, height = image.size
+    row, at = 0, tiles[0][2]
+    for codec, (left, top, right, bottom), offset, details in tiles:
+        # The strips have whole rows, in their order, one directly after the other.
+        if (codec, details, left, top, right) != ("raw", tiles[0][3], 0, row, width):
+            return None
+        if offset != at:
+            return None
+        row, at = bottom, offset + kind.itemsize * width * (bottom - top)
+    if row != height or at > os.path.getsize(path):
+        return None
+    with open(path, "rb") as file:
+        file.seek(tiles[0][2])
+        content = file.read(kind.itemsize * width * height)
+    return np.frombuffer(content, dtype=kind).reshape(height, width)
 
 
 def _first(value: Any, otherwise: int) -> int:

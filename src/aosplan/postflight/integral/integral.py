@@ -17,7 +17,7 @@ import numpy as np
 from aosplan.errors import RequestError, needs_extra
 from aosplan.postflight.integral.focal_plane import heights_above
 from aosplan.postflight.integral.images import REDUCIBLE, Picture, image_size, read_picture
-from aosplan.postflight.integral.warping import Relief, block_of, warped
+from aosplan.postflight.integral.warping import Relief, Scratch, block_of, warped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -105,8 +105,10 @@ def integrate(
     """
     sums: NDArray[np.float64] | None = None
     bands: int | None = None
-    coverage = np.zeros((raster.rows, raster.columns))
+    # Numbers of views are exact in float32.
+    coverage = np.zeros((raster.rows, raster.columns), dtype=np.float32)
     done = blind = 0
+    scratch = Scratch()
     is_byte = True
     for source in sources:
         block_px = 1
@@ -120,7 +122,7 @@ def integrate(
         if sums is None:
             sums = np.zeros((raster.rows, raster.columns, picture.pixels.shape[2]))
         is_byte = is_byte and picture.is_byte
-        blind += not add_view(picture, source, plane, raster, sums, coverage, relief_m)
+        blind += not add_view(picture, source, plane, raster, sums, coverage, relief_m, scratch)
         done += 1
         if progress is not None:
             progress(done)
@@ -131,7 +133,7 @@ def integrate(
         )
     with np.errstate(invalid="ignore", divide="ignore"):
         sums /= coverage[..., np.newaxis]
-    return Integral(raster, sums, coverage, done, blind, is_byte)
+    return Integral(raster, sums, coverage.astype(np.float64), done, blind, is_byte)
 
 
 def read_source(source: ViewSource, bands: int | None, block_px: int = 1) -> Picture:
@@ -163,8 +165,9 @@ def add_view(
     plane: Plane,
     raster: Raster,
     sums: NDArray[np.float64],
-    coverage: NDArray[np.float64],
+    coverage: NDArray[np.floating],
     relief_m: NDArray[np.float64] | None = None,
+    scratch: Scratch | None = None,
 ) -> bool:
     """Add one view to the sums, shape (rows, columns, bands). Returns whether the view sees any
     part of the raster.
@@ -188,7 +191,7 @@ def add_view(
     has_holes = pixels.dtype.kind == "f" and not np.isfinite(pixels).all()
     seen = False
     lens = source.intrinsics.in_blocks(picture.block_px)
-    for tile, values, inside in warped(pixels, lens, ray, raster, relief):
+    for tile, values, inside in warped(pixels, lens, ray, raster, relief, scratch):
         if has_holes:
             np.minimum(inside, np.isfinite(values).all(axis=2), out=inside)
         seen = seen or bool(inside.any())

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from aosplan.errors import RequestError
+from aosplan.messages import Message
 from aosplan.postflight.integral.focal_plane import UPS, Plane, Raster, footprint_m, pixel_m, upward
-from aosplan.postflight.integral.images import ImageFolder, image_size
+from aosplan.postflight.integral.images import ImageFolder, damage_of, image_size
 from aosplan.postflight.integral.integral import ViewSource, integrate
+from aosplan.postflight.integral.photo_choice import named
 from aosplan.postflight.integral.photo_poses import (
     PhotoOptions,
     PosedViews,
@@ -108,6 +110,12 @@ class Recording:
         self.missing = [view.name for view in posed if not folder.holds(view.name)]
         if not self.views:
             folder.file_of(self.missing[0])  # This raises an error about the first missing image.
+        paths = [folder.file_of(view.name) for view in self.views]
+        damaged = [damage_of(path) for path in paths]
+        if any(damaged):
+            self.messages = (*self.messages, _left_out(paths, damaged))
+            self.views = [v for v, error in zip(self.views, damaged, strict=True) if not error]
+            paths = [path for path, error in zip(paths, damaged, strict=True) if not error]
         if up is not None and up not in UPS:
             raise RequestError(f"--up '{up}' is not one of {', '.join(UPS)}")
         self.is_height_known = focal_height_m is not None or is_photo_folder(poses)
@@ -128,7 +136,6 @@ class Recording:
                 f"heights are measured along {self.plane.up} of the world; --up is one of "
                 f"{', '.join(UPS)}",
             )
-        paths = [folder.file_of(view.name) for view in self.views]
         if is_photo_folder(poses):
             lenses = [_fitted(view, path) for view, path in zip(self.views, paths, strict=True)]
         else:
@@ -221,6 +228,20 @@ class Recording:
         points = self.positions_m[indices]
         distances, _ = cKDTree(points).query(points, k=[2])
         return float(np.median(distances))
+
+
+def _left_out(paths: Sequence[str], damaged: Sequence[RequestError | None]) -> Message:
+    """Warning about damaged images.  If all images are damaged, raises the error about the first."""
+    errors = [error for error in damaged if error is not None]
+    if len(errors) == len(paths):
+        raise errors[0]
+    names = [path for path, error in zip(paths, damaged, strict=True) if error is not None]
+    are = "are" if len(errors) > 1 else "is"
+    return Message(
+        "damaged_photos",
+        f"{len(errors)} of {len(paths)} photos {are} damaged and left out: "
+        f"{named(map(os.path.basename, names))}; copy the files again",
+    )
 
 
 def _cameras(

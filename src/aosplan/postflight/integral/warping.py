@@ -10,6 +10,8 @@ are first averaged in blocks. Every pixel is therefore used.
 
 from __future__ import annotations
 
+import itertools
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -56,6 +58,21 @@ class Relief(NamedTuple):
     lift: Floats
 
 
+class Scratch:
+    """Memory that is used again for each image, because the system takes long to provide it."""
+
+    def __init__(self) -> None:
+        self._kept: dict[str, NDArray[np.float32]] = {}
+
+    def array(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
+        """An array of this shape with undefined values, which replaces that of the same name."""
+        size = math.prod(shape)
+        kept = self._kept.get(name)
+        if kept is None or kept.size < size:
+            kept = self._kept[name] = np.empty(size, dtype=np.float32)
+        return kept[:size].reshape(shape)
+
+
 class Warped(NamedTuple):
     """An image on a tile of the raster.
 
@@ -64,7 +81,8 @@ class Warped(NamedTuple):
     tile
         The tile.
     values
-        Shape (rows, columns, bands), not defined outside the image.
+        Shape (rows, columns, bands), not defined outside the image.  With a `Scratch`, they are
+        valid until the next tile.
     inside
         Shape (rows, columns): 1 inside the image and 0 outside.
     """
@@ -80,6 +98,7 @@ def warped(
     ray: Floats,
     raster: Raster,
     relief: Relief | None = None,
+    scratch: Scratch | None = None,
 ) -> Iterator[Warped]:
     """Warp an image to the tiles of a raster that it can reach.
 
@@ -95,6 +114,8 @@ def warped(
         The raster.
     relief
         Heights above the plane of the raster; None for the plane itself.
+    scratch
+        Memory that is used again; None for new memory.
 
     Raises
     ------
@@ -105,6 +126,7 @@ def warped(
     if reached is None:
         return
     block = _block(intrinsics, ray, reached)
+    scratch = scratch or Scratch()
     for tile in _tiles(reached):
         corners = np.array(
             [[tile.left, tile.right, tile.right, tile.left],
@@ -112,9 +134,9 @@ def warped(
         )  # fmt: skip
         depth = ray[2] @ corners
         if relief is None and intrinsics.is_pinhole and depth.min() > 1e-6 * np.abs(depth).max():
-            found = _by_homography(pixels, intrinsics, ray, tile, block)
+            found = _by_homography(pixels, intrinsics, ray, tile, block, scratch)
         else:
-            found = _by_coordinates(pixels, intrinsics, ray, tile, block, relief)
+            found = _by_coordinates(pixels, intrinsics, ray, tile, block, relief, scratch)
         if found is not None:
             yield found
 
@@ -138,19 +160,22 @@ def _reached(ray: Floats, intrinsics: Intrinsics, raster: Raster) -> RasterWindo
     whole = _whole(raster)
     if not intrinsics.is_pinhole:
         return whole
-    x = (np.array([0.0, 1.0, 1.0, 0.0]) * intrinsics.width_px - intrinsics.cx_px) / intrinsics.fx_px
-    y = (
-        np.array([0.0, 0.0, 1.0, 1.0]) * intrinsics.height_px - intrinsics.cy_px
-    ) / intrinsics.fy_px
-    columns, rows, scale = np.linalg.solve(ray, np.stack([x, y, np.ones(4)]))
-    if not (scale > 0.0).all():  # The horizon is in the image.
-        return whole
-    columns, rows = columns / scale, rows / scale
+    # Arrays of this size would be slower than numbers.
+    x = [(u - intrinsics.cx_px) / intrinsics.fx_px for u in (0.0, intrinsics.width_px)]
+    y = [(v - intrinsics.cy_px) / intrinsics.fy_px for v in (0.0, intrinsics.height_px)]
+    across, down, ahead = np.linalg.inv(ray).tolist()
+    columns, rows = [], []
+    for u, v in itertools.product(x, y):
+        scale = ahead[0] * u + ahead[1] * v + ahead[2]
+        if not scale > 0.0:  # The horizon is in the image.
+            return whole
+        columns.append((across[0] * u + across[1] * v + across[2]) / scale)
+        rows.append((down[0] * u + down[1] * v + down[2]) / scale)
     window = RasterWindow(
-        int(np.clip(np.floor(rows.min()), 0, raster.rows)),
-        int(np.clip(np.ceil(rows.max()), 0, raster.rows)),
-        int(np.clip(np.floor(columns.min()), 0, raster.columns)),
-        int(np.clip(np.ceil(columns.max()), 0, raster.columns)),
+        math.floor(min(max(min(rows), 0.0), raster.rows)),
+        math.ceil(min(max(*rows, 0.0), raster.rows)),
+        math.floor(min(max(min(columns), 0.0), raster.columns)),
+        math.ceil(min(max(*columns, 0.0), raster.columns)),
     )
     return window if window.top < window.bottom and window.left < window.right else None
 
@@ -166,13 +191,19 @@ def block_of(intrinsics: Intrinsics, ray: Floats, raster: Raster) -> int:
 
 
 def _block(intrinsics: Intrinsics, ray: Floats, window: RasterWindow) -> int:
-    middle = np.array([0.5 * (window.left + window.right), 0.5 * (window.top + window.bottom), 1.0])
-    x, y, depth = ray @ middle
+    column, row = 0.5 * (window.left + window.right), 0.5 * (window.top + window.bottom)
+    lines = ray.tolist()
+    x, y, depth = (line[0] * column + line[1] * row + line[2] for line in lines)
     if not depth > 0.0:
         return 1
-    slope = np.array([ray[0, :2] * depth - x * ray[2, :2], ray[1, :2] * depth - y * ray[2, :2]])
-    steps = np.linalg.svd(slope / depth**2, compute_uv=False) * intrinsics.fx_px
-    return max(int(min(steps.min(), intrinsics.width_px, intrinsics.height_px) + 1e-6), 1)
+    (a, b), (c, d) = (
+        [(line[k] * depth - place * lines[2][k]) / depth**2 for k in (0, 1)]
+        for line, place in ((lines[0], x), (lines[1], y))
+    )
+    # The smaller singular value of this matrix is the shortest step at a focal length of 1.
+    shortest = 0.5 * abs(math.hypot(a + d, c - b) - math.hypot(a - d, c + b))
+    step = shortest * intrinsics.fx_px
+    return max(int(min(step, intrinsics.width_px, intrinsics.height_px) + 1e-6), 1)
 
 
 def _by_homography(
@@ -181,6 +212,7 @@ def _by_homography(
     ray: Floats,
     tile: RasterWindow,
     block: int,
+    scratch: Scratch,
 ) -> Warped | None:
     """Warp a pinhole image by its homography.  The result is None if the image does not reach the
     tile.
@@ -203,7 +235,7 @@ def _by_homography(
         return None
     ends = np.array([[0, columns - 1, columns - 1, 0], [0, 0, rows - 1, rows - 1], [1, 1, 1, 1]])
     u, v, scale = matrix @ ends
-    part, (left, top) = _reduced(pixels, u / scale, v / scale, block)
+    part, (left, top) = _reduced(pixels, u / scale, v / scale, block, scratch)
     to_part = np.array(
         [[1 / block, 0, -left / block - 0.5], [0, 1 / block, -top / block - 0.5], [0, 0, 1]]
     )
@@ -211,6 +243,7 @@ def _by_homography(
         part,
         to_part @ matrix,
         (columns, rows),
+        dst=scratch.array("warped", (rows, columns, *part.shape[2:])),
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_REPLICATE,
     )
@@ -250,7 +283,7 @@ def _spans(matrix: Floats, shape: tuple[int, int], intrinsics: Intrinsics) -> ND
 
 
 def _reduced(
-    pixels: NDArray[np.generic], u: Floats, v: Floats, block: int
+    pixels: NDArray[np.generic], u: Floats, v: Floats, block: int, scratch: Scratch
 ) -> tuple[NDArray[np.float32], tuple[int, int]]:
     """The part of an image around some positions, averaged in blocks, as float32, and the
     coordinates of its left and upper edge [px].
@@ -264,7 +297,9 @@ def _reduced(
         high = np.clip(np.ceil(np.nanmax(places) / block) + MARGIN_PX, low + 1, count)
         ranges.append((int(low), int(high)))
     (top, bottom), (left, right) = ranges
-    part = pixels[top * block : bottom * block, left * block : right * block].astype(np.float32)
+    shown = pixels[top * block : bottom * block, left * block : right * block]
+    part = scratch.array("part", shown.shape)
+    np.copyto(part, shown, casting="unsafe")
     size = (right - left, bottom - top)
     reduced = part if block == 1 else cv2.resize(part, size, interpolation=cv2.INTER_AREA)
     return np.asarray(reduced, dtype=np.float32), (left * block, top * block)
@@ -277,6 +312,7 @@ def _by_coordinates(
     tile: RasterWindow,
     block: int,
     relief: Relief | None,
+    scratch: Scratch,
 ) -> Warped | None:
     """Warp an image with lens distortion point by point. Points above the horizon are left out."""
     with needs_extra("warping images", "pictures"):
@@ -298,7 +334,7 @@ def _by_coordinates(
         inside = (u >= 0.0) & (u < intrinsics.width_px) & (v >= 0.0) & (v < intrinsics.height_px)
     if not inside.any():
         return None
-    part, (left, top) = _reduced(pixels, u[inside], v[inside], block)
+    part, (left, top) = _reduced(pixels, u[inside], v[inside], block, scratch)
     values = cv2.remap(
         part,
         np.where(inside, (u - left) / block - 0.5, 0.0).astype(np.float32),
