@@ -40,7 +40,7 @@ def main() -> None:
         # aosplan itself are messages.
         sys.warnoptions.append("ignore")  # worker processes inherit this list
         warnings.simplefilter("ignore")
-    from aosplan.cli.app import leave, run
+    from aosplan.cli.app import exit_quickly, run
 
     try:
         try:
@@ -52,7 +52,7 @@ def main() -> None:
                 signal.signal(signal.SIGINT, _leave)
     except KeyboardInterrupt:  # Ctrl-C outside `run`; `run` handles Ctrl-C itself.
         status = 130
-    leave(status)
+    exit_quickly(status)
 
 
 def _leave(_number: int, _frame: object) -> None:

@@ -15,7 +15,7 @@ from support.command_line import process
 
 from aosplan.camera.presets import CAMERAS
 from aosplan.cli.app import COMMANDS, GROUP, run
-from aosplan.cli.completion import OWN, SCRIPTS, VALUES, candidates
+from aosplan.cli.completion import COMMAND_VALUES, SCRIPTS, VALUES, candidates
 from aosplan.errors import AosplanError
 from aosplan.flight.drones import DRONES
 from aosplan.planning.options import OPTIONS
@@ -92,8 +92,8 @@ def test_completed_option_names_exist():
         for each in import_module(f"aosplan.cli.{command}").COMMAND.params
     }
     assert set(VALUES) <= named
-    assert {name for _, name in OWN} <= named
-    assert {command for command, _ in OWN} <= set(COMMANDS)
+    assert {name for _, name in COMMAND_VALUES} <= named
+    assert {command for command, _ in COMMAND_VALUES} <= set(COMMANDS)
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from support.recorded import sites, write_recording
 import aosplan
 from aosplan import PlanRequest, plan
 from aosplan.cli.app import COMMANDS, run
-from aosplan.cli.options import COMMON
+from aosplan.cli.options import SHORT_HELP
 from aosplan.planning.options import OPTIONS
 
 
@@ -115,8 +115,10 @@ def test_short_help_of_plan_fits_on_two_screens_and_says_how_to_see_the_rest(com
     _, whole, _ = command("plan", "--help-all")
     assert len(short.splitlines()) < 80 < len(whole.splitlines())
     shown = [option for option in OPTIONS if re.search(rf"^  {option.flag} ", short, re.MULTILINE)]
-    assert {option.name for option in shown} == COMMON
-    assert f"with {len(OPTIONS) - len(COMMON)} more options of a plan" in " ".join(short.split())
+    assert {option.name for option in shown} == SHORT_HELP
+    assert f"with {len(OPTIONS) - len(SHORT_HELP)} more options of a plan" in " ".join(
+        short.split()
+    )
     assert set(short.split()) <= set(whole.split())
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from aosplan.api.request import Asked
+    from aosplan.api.request import RequestLike
     from aosplan.api.request_options import RequestOptions
     from aosplan.models.model import Prediction
 
@@ -89,7 +89,7 @@ class Review(Summarized, reviews.Review):
 
 def review(
     positions: str | os.PathLike[str],
-    plan: Asked | None = None,
+    plan: RequestLike | None = None,
     *,
     tolerance_m: float | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -188,7 +188,7 @@ class Thinning(Summarized, thinnings.Thinning):
 def thin(
     views: str | os.PathLike[str],
     keep: int,
-    request: Asked | None = None,
+    request: RequestLike | None = None,
     *,
     best: str = "normalized",
     progress: Callable[[int, int], None] | None = None,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from aosplan.api.request import Asked, FoundRequest
+    from aosplan.api.request import FoundRequest, RequestLike
     from aosplan.api.request_options import RequestOptions
     from aosplan.maps.reciprocal_map import ReciprocalMap
     from aosplan.solver.tradeoff import TradeoffRow
@@ -139,7 +139,7 @@ class Plan(Summarized, result.Plan):
 
 
 def plan(
-    request: Asked | None = None,
+    request: RequestLike | None = None,
     *,
     folder: str | os.PathLike[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -180,10 +180,12 @@ def plan(
     (50, 2.8)
     """
     found = found_request(request, options, folder=None if folder is None else os.fspath(folder))
-    return plan_of(found, progress=progress)
+    return plan_of_request(found, progress=progress)
 
 
-def plan_of(found: FoundRequest, *, progress: Callable[[int, int], None] | None = None) -> Plan:
+def plan_of_request(
+    found: FoundRequest, *, progress: Callable[[int, int], None] | None = None
+) -> Plan:
     """Compute the plan of a request."""
     plain = planner.plan(found.request, folder=found.folder, loaded=found.loaded, progress=progress)
     return Plan(**{field.name: getattr(plain, field.name) for field in fields(plain)})
@@ -234,7 +236,7 @@ class Tradeoff(Summarized, _Rows):
         return self.plan.plot(kind="tradeoff")
 
 
-def tradeoff(request: Asked | None = None, **options: Unpack[RequestOptions]) -> Tradeoff:
+def tradeoff(request: RequestLike | None = None, **options: Unpack[RequestOptions]) -> Tradeoff:
     """Compute cost and benefit for each number of photos: baseline, extent, time and visibility.
 
     Parameters

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from aosplan.api.scenes import Stand
 
-    Asked = PlanRequest | Plan | str | os.PathLike[str]
+    RequestLike = PlanRequest | Plan | str | os.PathLike[str]
     """Arguments that describe a request: a request, an earlier plan, a request file or a saved
     plan.
     """
@@ -30,7 +30,7 @@ class FoundRequest(NamedTuple):
 
 
 def found_request(
-    asked: Asked | None, options: Mapping[str, Any], *, folder: str | None = None
+    asked: RequestLike | None, options: Mapping[str, Any], *, folder: str | None = None
 ) -> FoundRequest:
     """Make a request from the arguments of a function of `aosplan`.
 

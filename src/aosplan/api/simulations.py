@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from aosplan.api.plans import Plan, plan_of
+from aosplan.api.plans import Plan, plan_of_request
 from aosplan.api.request import found_request
 from aosplan.api.summarized import Summarized
 from aosplan.planning.loaded_scene import without_simulated_view
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from aosplan.api.request import Asked
+    from aosplan.api.request import RequestLike
     from aosplan.api.request_options import RequestOptions
 
 
@@ -82,7 +82,7 @@ SYMBOLS = {"density": "p", "expected": "V", "normalized": "V̂"}
 
 
 def simulate(
-    request: Asked | None = None,
+    request: RequestLike | None = None,
     *,
     seed: int = 1,
     precision: float = 0.005,
@@ -140,6 +140,6 @@ def simulate(
     else:
         found = found_request(request, options)
         view = found.request.view
-        planned = plan_of(found._replace(request=without_simulated_view(found.request)))
+        planned = plan_of_request(found._replace(request=without_simulated_view(found.request)))
     given: Any = view or "perspective"  # The request has been checked, so the value is valid.
     return Simulation(*compare.simulate(planned, settings._replace(view=given)))

@@ -158,7 +158,7 @@ def sweep(
     from aosplan.sweeps.run import run
     from aosplan.sweeps.scenarios import crossing_of, polars, read_scenarios
     from aosplan.sweeps.solve_block import chosen_results
-    from aosplan.sweeps.sweep import Sweep as Asked
+    from aosplan.sweeps.sweep import Sweep as SweepRequest
     from aosplan.sweeps.sweep import check
     from aosplan.units import whole
 
@@ -174,7 +174,7 @@ def sweep(
         )
     names = columns if columns is None or isinstance(columns, str) else ",".join(columns)
     results = chosen_results(names, finds="find" in swept.names)
-    asked = Asked(swept, results, folder, where, best, tuple(per))
+    asked = SweepRequest(swept, results, folder, where, best, tuple(per))
     check(asked)
     with tempfile.TemporaryDirectory(prefix="aosplan-") as place:
         out = os.path.join(place, "sweep.parquet")

@@ -92,7 +92,9 @@ def _install_completion(_context: Any, _parameter: Any, shell: str | None) -> No
         raise Exit(0)
 
 
-def _asked(flag: str, callback: Callable[..., None], help_text: str, **kind: Any) -> TyperOption:
+def _immediate_option(
+    flag: str, callback: Callable[..., None], help_text: str, **kind: Any
+) -> TyperOption:
     """An option that is handled immediately, without a command."""
     return TyperOption(
         param_decls=[flag],
@@ -118,15 +120,15 @@ GROUP = LazyGroup(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
     params=[
-        _asked("--version", _show_version, "Print the version.", is_flag=True),
-        _asked(
+        _immediate_option("--version", _show_version, "Print the version.", is_flag=True),
+        _immediate_option(
             "--install-completion",
             _install_completion,
             "Install completion of options, presets and files: bash, zsh, fish or powershell.",
             type=str,
             metavar="SHELL",
         ),
-        _asked(
+        _immediate_option(
             "--show-completion",
             _show_completion,
             "Print the completion script of a shell.",
@@ -141,10 +143,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with a status: 0 for success, 1 if the machine failed, 2 if the
     request is wrong.
     """
-    leave(run(arguments))
+    exit_quickly(run(arguments))
 
 
-def leave(status: int) -> None:
+def exit_quickly(status: int) -> None:
     """Exit without a final garbage collection. The operating system frees the memory."""
     gc.freeze()  # A final garbage collection would take 20 % of the time of a plan.
     sys.exit(status)
@@ -155,15 +157,15 @@ def run(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given[:1] == ["help"]:
         given = [*given[1:], "--help"]
-    _write_what_can_be_shown()
+    _replace_unprintable()
     units = os.environ.get("AOSPLAN_UNITS")
     try:
         _check_unicode(given)
         given = _without_table_units(given)
         if "AOSPLAN_COMPLETE" in os.environ:
-            from aosplan.cli.completion import answer
+            from aosplan.cli.completion import print_candidates
 
-            answer(GROUP)
+            print_candidates(GROUP)
             sys.stdout.flush()
             return 0
         status = GROUP.main(
@@ -177,7 +179,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except TyperException as error:
         return _report_usage(error)
     except BrokenPipeError:
-        return _unheard()
+        return _discard_output()
     except OSError as error:
         failed = SurroundingsError(
             f"{error.filename or 'output'}: {error.strerror or error}".lower()
@@ -240,7 +242,7 @@ def _interrupted(error: BaseException | None) -> bool:
     return error is not None
 
 
-def _write_what_can_be_shown() -> None:
+def _replace_unprintable() -> None:
     """Replace characters that a stream cannot show.  For example, without UTF-8, ``≥`` becomes
     ``>=`` and V̂ becomes ``V^``.
     """
@@ -263,11 +265,11 @@ def _report(message: str, hint: str, status: int) -> int:
         if hint:
             print_notice("hint", _one_line(hint))
     except OSError:
-        _unheard()
+        _discard_output()
     return status
 
 
-def _unheard() -> int:
+def _discard_output() -> int:
     """Discard the buffers of streams that are closed or full. Otherwise, Python would raise further
     errors at exit.
     """

@@ -33,7 +33,7 @@ class Values(NamedTuple):
     """
 
     words: Callable[[], Iterable[str]] = tuple
-    endings: tuple[str, ...] = ()
+    extensions: tuple[str, ...] = ()
 
 
 def _scenes() -> Iterable[str]:
@@ -72,7 +72,7 @@ def _documents() -> Iterable[str]:
     return DOCUMENTS
 
 
-def _of(module: str, name: str, *more: str) -> Callable[[], Iterable[str]]:
+def _words_of(module: str, name: str, *more: str) -> Callable[[], Iterable[str]]:
     """Function that returns the names in a table of another module.  The module is imported when
     the names are needed.
     """
@@ -88,72 +88,72 @@ FIGURE = (".png", ".svg", ".pdf")
 TABLE = (".csv", ".parquet", ".jsonl")
 
 VALUES = {
-    "altitude_frame": Values(_of("mission.mission", "FRAMES")),
-    "area": Values(endings=AREA),
-    "around": Values(endings=AREA),
-    "autopilot": Values(_of("planning.option_parsers", "AUTOPILOTS")),
+    "altitude_frame": Values(_words_of("mission.mission", "FRAMES")),
+    "area": Values(extensions=AREA),
+    "around": Values(extensions=AREA),
+    "autopilot": Values(_words_of("planning.option_parsers", "AUTOPILOTS")),
     "camera": Values(_cameras, REQUEST),
-    "camera_control": Values(_of("planning.option_parsers", "CAMERA_CONTROLS")),
-    "clear": Values(endings=AREA),
+    "camera_control": Values(_words_of("planning.option_parsers", "CAMERA_CONTROLS")),
+    "clear": Values(extensions=AREA),
     "defaults": Values(lambda: ("none",), (".toml",)),
     "document": Values(_documents),
     "drone": Values(_drones),
-    "forest": Values(_of("simulation.compare", "FORESTS")),
-    "occluders": Values(_of("simulation.compare", "OCCLUDERS")),
+    "forest": Values(_words_of("simulation.compare", "FORESTS")),
+    "occluders": Values(_words_of("simulation.compare", "OCCLUDERS")),
     "format": Values(_formats),
-    "grid": Values(_of("grid.patterns", "GRIDS", "guided", "best")),
-    "ground": Values(_of("planning.option_parsers", "GROUND")),
+    "grid": Values(_words_of("grid.patterns", "GRIDS", "guided", "best")),
+    "ground": Values(_words_of("planning.option_parsers", "GROUND")),
     "heading": Values(lambda: ("auto", "best")),
-    "images": Values(endings=("/",)),
+    "images": Values(extensions=("/",)),
     "lane_pitch": Values(lambda: ("best",)),
     "lanes": Values(lambda: ("best",)),
-    "model": Values(_of("models.model", "MODELS")),
-    "no_fly": Values(endings=AREA),
-    "occlusion_map": Values(endings=(".png",)),
-    "opacity": Values(_of("planning.option_parsers", "OPACITY")),
-    "optimize": Values(_of("solver.problem", "OBJECTIVES")),
-    "out": Values(endings=MISSION),
+    "model": Values(_words_of("models.model", "MODELS")),
+    "no_fly": Values(extensions=AREA),
+    "occlusion_map": Values(extensions=(".png",)),
+    "opacity": Values(_words_of("planning.option_parsers", "OPACITY")),
+    "optimize": Values(_words_of("solver.problem", "OBJECTIVES")),
+    "out": Values(extensions=MISSION),
     "payload": Values(_payloads),
-    "picture": Values(endings=(".png",)),
-    "plan": Values(endings=REQUEST),
-    "photos": Values(endings=(".json", ".geojson", ".txt", ".bin")),
-    "positions": Values(endings=SITES),
-    "rays": Values(_of("models.model", "RAYS")),
-    "request": Values(endings=REQUEST),
-    "plot": Values(endings=FIGURE),
-    "report": Values(endings=(".html",)),
-    "save": Values(endings=(".toml", ".npz")),
+    "picture": Values(extensions=(".png",)),
+    "plan": Values(extensions=REQUEST),
+    "photos": Values(extensions=(".json", ".geojson", ".txt", ".bin")),
+    "positions": Values(extensions=SITES),
+    "rays": Values(_words_of("models.model", "RAYS")),
+    "request": Values(extensions=REQUEST),
+    "plot": Values(extensions=FIGURE),
+    "report": Values(extensions=(".html",)),
+    "save": Values(extensions=(".toml", ".npz")),
     "scene": Values(_scenes, SCENE),
-    "signature": Values(_of("models.signatures", "SIGNATURES")),
-    "terrain": Values(endings=(".tif", ".tiff")),
-    "edges": Values(_of("planning.option_parsers", "EDGES")),
-    "trigger": Values(_of("planning.option_parsers", "TRIGGERS")),
-    "view": Values(_of("planning.option_parsers", "VIEWS")),
+    "signature": Values(_words_of("models.signatures", "SIGNATURES")),
+    "terrain": Values(extensions=(".tif", ".tiff")),
+    "edges": Values(_words_of("planning.option_parsers", "EDGES")),
+    "trigger": Values(_words_of("planning.option_parsers", "TRIGGERS")),
+    "view": Values(_words_of("planning.option_parsers", "VIEWS")),
 }
 """Completions by the name of an option or argument.  Numbers and locations have no completions."""
 
-OWN = {
-    ("integrate", "out"): Values(endings=(".png", ".npz", ".tif")),
-    ("plot", "file"): Values(endings=(*REQUEST, *SCENE, *TABLE)),
-    ("plot", "kind"): Values(_of("show.figures.draw", "KINDS")),
-    ("plot", "out"): Values(endings=FIGURE),
-    ("sweep", "file"): Values(endings=(".toml", ".csv", ".parquet")),
-    ("sweep", "out"): Values(endings=TABLE),
-    ("thin", "best"): Values(_of("postflight.thin", "QUANTITIES")),
-    ("thin", "out"): Values(endings=(".csv", ".txt")),
-    ("tradeoff", "out"): Values(endings=(".csv", ".json", ".jsonl")),
+COMMAND_VALUES = {
+    ("integrate", "out"): Values(extensions=(".png", ".npz", ".tif")),
+    ("plot", "file"): Values(extensions=(*REQUEST, *SCENE, *TABLE)),
+    ("plot", "kind"): Values(_words_of("show.figures.draw", "KINDS")),
+    ("plot", "out"): Values(extensions=FIGURE),
+    ("sweep", "file"): Values(extensions=(".toml", ".csv", ".parquet")),
+    ("sweep", "out"): Values(extensions=TABLE),
+    ("thin", "best"): Values(_words_of("postflight.thin", "QUANTITIES")),
+    ("thin", "out"): Values(extensions=(".csv", ".txt")),
+    ("tradeoff", "out"): Values(extensions=(".csv", ".json", ".jsonl")),
     ("visibility", "grid"): Values(),
 }
 """Completions of single commands that replace the completions in `VALUES`."""
 
-AFTER = {("plot", "paper"): _of("show.figures.paper.registry", "FIGURES")}
+WORDS_AFTER = {("plot", "paper"): _words_of("show.figures.paper.registry", "FIGURES")}
 """Completions of the argument that follows a certain word of a command."""
 
 Candidate = tuple[str, str]
 """A word and its meaning."""
 
 
-def answer(group: TyperGroup) -> None:
+def print_candidates(group: TyperGroup) -> None:
     """Print the candidates that a shell has requested."""
     if os.environ[VARIABLE] == "bash":
         lines = _for_bash(
@@ -245,8 +245,8 @@ def _argument(
     values = {i + 1 for i, word in enumerate(before) if _takes_value(by_flag.get(word))}
     words = [w for i, w in enumerate(before) if i not in values and not w.startswith("-")]
     given = len(words)
-    if given == 1 and (command, words[0]) in AFTER:
-        return _matching([(word, "") for word in AFTER[command, words[0]]()], current)
+    if given == 1 and (command, words[0]) in WORDS_AFTER:
+        return _matching([(word, "") for word in WORDS_AFTER[command, words[0]]()], current)
     arguments = [each for each in parameters if each.param_type_name == "argument"]
     if arguments and arguments[-1].nargs == -1:
         given = min(given, len(arguments) - 1)
@@ -267,21 +267,21 @@ def _matching(known: Iterable[Candidate], current: str) -> list[Candidate]:
 
 def _values(command: str, name: str, current: str) -> list[Candidate]:
     """Words and files that an option or argument accepts."""
-    values = OWN.get((command, name)) or VALUES.get(name, Values())
+    values = COMMAND_VALUES.get((command, name)) or VALUES.get(name, Values())
     prefix = ""
     if name == "out" and values is VALUES["out"]:
         form, colon, path = current.partition(":")
         if colon and form in _formats():
-            prefix, current, values = f"{form}:", path, Values(endings=("",))
+            prefix, current, values = f"{form}:", path, Values(extensions=("",))
     found = _matching([(word, "") for word in values.words()], current)
-    return found + [(prefix + path, "") for path in _files(current, values.endings)]
+    return found + [(prefix + path, "") for path in _files(current, values.extensions)]
 
 
-def _files(current: str, endings: tuple[str, ...]) -> list[str]:
+def _files(current: str, extensions: tuple[str, ...]) -> list[str]:
     """Files and folders whose path starts with the given text. The files have one of the given
     extensions. The path of a folder ends with /.
     """
-    if not endings:
+    if not extensions:
         return []
     folder, start = os.path.split(current)
     try:
@@ -294,7 +294,7 @@ def _files(current: str, endings: tuple[str, ...]) -> list[str]:
         for name, is_folder in there
         if name.startswith(start)
         and (start.startswith(".") or not name.startswith("."))
-        and (is_folder or name.lower().endswith(endings))
+        and (is_folder or name.lower().endswith(extensions))
     )
 
 

@@ -13,10 +13,10 @@ from aosplan.cli.integrate_outputs import (
     IntegralDisplay,
     check_figure,
     check_outputs,
-    contents_of,
     figure_bytes,
+    output_contents,
 )
-from aosplan.cli.integrate_summary import described, show_summary
+from aosplan.cli.integrate_summary import integral_document, print_summary
 from aosplan.cli.options import command
 from aosplan.cli.output import print_json, shown_live
 from aosplan.errors import RequestError
@@ -131,7 +131,7 @@ def run(
                 "views": len(other),
                 **_similarity(integral, against, least, least_other),
             }
-        contents, limits = contents_of(
+        contents, limits = output_contents(
             out, recording, integral, least, looks, partial(averaged, choice)
         )
     if focus_figure is not None and found_focus is not None:
@@ -140,7 +140,7 @@ def run(
     document = {
         "schema": SCHEMA,
         "version": __version__,
-        **described(recording, integral, indices, least),
+        **integral_document(recording, integral, indices, least),
         "focus": None if found_focus is None else found_focus.document(),
         "limits": list(limits),
         "comparison": comparison,
@@ -155,7 +155,7 @@ def run(
     if as_json:
         print_json(document)
     elif not quiet:
-        show_summary(document, tuple(contents))
+        print_summary(document, tuple(contents))
 
 
 def _similarity(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from aosplan.postflight.integral.integral import Integral
     from aosplan.postflight.integral.recording import Recording
 
-ENDINGS = (".png", ".tif", ".tiff", ".npz")
+EXTENSIONS = (".png", ".tif", ".tiff", ".npz")
 
 
 class IntegralDisplay(NamedTuple):
@@ -39,15 +39,15 @@ def check_outputs(out: tuple[str, ...], others: list[str], *, stacked: bool, for
                 f"--out '{path}' is an animation, which needs several heights (--stack)",
                 "give --stack 0..20:2",
             )
-        if not path.lower().endswith((*ENDINGS, ".gif")):
+        if not path.lower().endswith((*EXTENSIONS, ".gif")):
             raise RequestError(
-                f"--out '{path}' does not end in {', '.join(ENDINGS)}",
+                f"--out '{path}' does not end in {', '.join(EXTENSIONS)}",
                 "write .png to look at, .tif with the values, or .npz with the number of "
                 "photos as well",
             )
     for path in others:
         ending = os.path.splitext(path)[1].lower()
-        if ending not in (".geojson", ".json", ".svg", ".pdf", *ENDINGS):
+        if ending not in (".geojson", ".json", ".svg", ".pdf", *EXTENSIONS):
             raise RequestError(
                 f"output '{path}' has an unknown extension",
                 "--anomalies .tif or .png, --hot-spots .geojson, --focus-figure .png, .svg or .pdf",
@@ -69,7 +69,7 @@ def check_figure(path: str | None) -> None:
     check_extra()
 
 
-def contents_of(
+def output_contents(
     out: Sequence[str],
     recording: Recording,
     integral: Integral,

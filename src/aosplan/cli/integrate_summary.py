@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from aosplan.postflight.integral.recording import Recording
 
 
-def described(recording: Recording, integral: Integral, indices: Any, least: int) -> dict[str, Any]:
+def integral_document(
+    recording: Recording, integral: Integral, indices: Any, least: int
+) -> dict[str, Any]:
     """Description of an integral image as plain values."""
     raster = integral.raster
     return {
@@ -38,7 +40,7 @@ def described(recording: Recording, integral: Integral, indices: Any, least: int
     }
 
 
-def show_summary(document: dict[str, Any], out: tuple[str, ...]) -> None:
+def print_summary(document: dict[str, Any], out: tuple[str, ...]) -> None:
     """Print a document as a table."""
     from rich.table import Table
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-COMMON = frozenset(
+SHORT_HELP = frozenset(
     {
         "altitude",
         "gsd",

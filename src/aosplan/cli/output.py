@@ -65,11 +65,11 @@ def chosen_outputs(
     chosen = [choose_format(path, name) for path in outputs]
     for _, path in chosen:
         check_output(path, force=force)
-    check_apart([path for _, path in chosen])
+    check_distinct([path for _, path in chosen])
     return chosen
 
 
-def check_apart(paths: Sequence[str]) -> None:
+def check_distinct(paths: Sequence[str]) -> None:
     """Refuse a file that is given twice, even if its two paths differ."""
     places = [os.path.realpath(path) for path in paths]
     for path, place in zip(paths, places, strict=True):
@@ -158,7 +158,7 @@ READING, PLACING = "reading points", "placing points"
 """Titles of steps whose total amount of work is known."""
 
 
-class Bar:
+class PlanProgress:
     """Progress of a plan on stderr: the number of points read, then the candidates of a search.
 
     If stderr is not a terminal, or the plan is fast, nothing is shown and rich is not imported.
@@ -182,11 +182,11 @@ class Bar:
             title = PLACING
         else:
             title = "measuring the slices"
-        self.doing(title)
+        self.show_step(title)
         if self._live and title in (READING, PLACING):
             self._shown.update(self._shown.task_ids[0], completed=done, total=total)
 
-    def doing(self, title: str) -> None:
+    def show_step(self, title: str) -> None:
         """Show the current step."""
         if self._live:
             self._show(title)
@@ -257,9 +257,9 @@ def _stop(progress: Progress) -> None:
 
 
 @contextlib.contextmanager
-def progress_bar(*, quiet: bool) -> Iterator[Bar]:
+def progress_bar(*, quiet: bool) -> Iterator[PlanProgress]:
     """Context manager for the progress of a plan on stderr."""
-    bar = Bar(live=not quiet and _is_live())
+    bar = PlanProgress(live=not quiet and _is_live())
     try:
         yield bar
     finally:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from aosplan import units as q
 from aosplan.cli.options import (
-    COMMON,
+    SHORT_HELP,
     command,
     defaults_option,
     flag_option,
@@ -57,7 +57,7 @@ def run(
 ) -> None:
     """Make a plan, write its files and print it."""
     if detection_map is not None:
-        wanted = _looking(request, flags, defaults)
+        wanted = _request_with_target(request, flags, defaults)
     else:
         wanted = request_of(request, flags, defaults=defaults)
     chosen = chosen_outputs(out or [], format, force=force)
@@ -80,11 +80,11 @@ def run(
     print_warnings(result.warnings, quiet=quiet)
     pages, found, success = {}, None, None
     if detection_map is not None:
-        found, success = _detection(result, poa, quiet=quiet)
+        found, success = _detection_map(result, poa, quiet=quiet)
         pages[detection_map] = found.geotiff()
     positions = None
     if reciprocal_map is not None:
-        positions = _positions(result, quiet=quiet)
+        positions = _reciprocal_map(result, quiet=quiet)
         pages[reciprocal_map] = positions.geotiff()
     if report is not None:
         from aosplan.show.page.page import report_page
@@ -107,7 +107,7 @@ def run(
         print_plan(result, written, found, success, positions)
 
 
-def _detection(
+def _detection_map(
     result: Plan, poa: str | None, *, quiet: bool
 ) -> tuple[DetectionMap, SearchSuccess | None]:
     """The map of the probability of detection of a plan, and the probability of success if a prior
@@ -125,7 +125,7 @@ def _detection(
     return found, success_of(found, poa)
 
 
-def _positions(result: Plan, *, quiet: bool) -> ReciprocalMap:
+def _reciprocal_map(result: Plan, *, quiet: bool) -> ReciprocalMap:
     """The map of how much of the target area of a plan each camera position sees."""
     from aosplan.maps.reciprocal_map import reciprocal_map
 
@@ -148,7 +148,9 @@ def _refuse_without_place(
             )
 
 
-def _looking(request: str | None, flags: dict[str, Any], defaults: str | None) -> PlanRequest:
+def _request_with_target(
+    request: str | None, flags: dict[str, Any], defaults: str | None
+) -> PlanRequest:
     """A request with a target to find.  By default, the target is a person."""
     if flags.get("find") is None:
         try:
@@ -232,7 +234,7 @@ COMMAND = command(
         "aosplan plan --altitude 50 --scene stand.laz --model uniform \\\n"
         "    --origin 48.3358,14.3261 --heading 30 --out plan.geojson --out plan.csv"
     ),
-    common=COMMON,
+    common=SHORT_HELP,
     parameters=[
         request_argument(),
         *request_options(),

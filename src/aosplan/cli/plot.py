@@ -55,7 +55,7 @@ def run(
     from aosplan.show.figures.canvas import check_extra, form_of, rendered
 
     chosen = _kind(kind)
-    look = look_of(dark=dark, width_mm=width_mm, dpi=dpi)
+    look = figure_style(dark=dark, width_mm=width_mm, dpi=dpi)
     if out is not None:
         form_of(out)
         check_output(out, force=force)
@@ -101,7 +101,7 @@ def document(kind: FigureKind, shown: FigureData) -> dict[str, Any]:
     }
 
 
-def look_of(*, dark: bool, width_mm: str | None = None, dpi: str | None = None) -> FigureStyle:
+def figure_style(*, dark: bool, width_mm: str | None = None, dpi: str | None = None) -> FigureStyle:
     """Appearance of a figure from the options."""
     from aosplan.show.figures.canvas import FigureStyle
     from aosplan.show.figures.style import DARK, LIGHT

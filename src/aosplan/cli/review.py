@@ -16,7 +16,7 @@ from aosplan.cli.options import (
     text_option,
 )
 from aosplan.cli.output import (
-    check_apart,
+    check_distinct,
     chosen_outputs,
     print_json,
     print_warnings,
@@ -85,7 +85,7 @@ def run(
     if as_json:
         print_json(found.document())
     elif not (quiet or "-" in written):
-        _show(found, written)
+        _print_review(found, written)
 
 
 MAP_SUFFIXES = (".tif", ".tiff", ".geojson", ".svg")
@@ -108,7 +108,7 @@ def _check_maps(paths: list[str], others: list[str], *, area: bool, force: bool)
                 "write .tif for a raster, .geojson for the gaps, or .svg for a picture",
             )
         check_output(path, force=force)
-    check_apart([*paths, *others])
+    check_distinct([*paths, *others])
     if not area:
         raise RequestError("--coverage-map needs a plan over an --area")
     if any(path.lower().endswith((".tif", ".tiff")) for path in paths) and not find_spec(
@@ -130,7 +130,7 @@ def _map_file(found: Review, path: str) -> bytes:
     return found.coverage.geotiff()
 
 
-def _show(found: Review, written: Sequence[str]) -> None:
+def _print_review(found: Review, written: Sequence[str]) -> None:
     from aosplan.show.text.tables import one_line, print_pairs, print_predictions, show
     from aosplan.show.text.terminal import written_text
 

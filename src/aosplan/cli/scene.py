@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from aosplan.cli.options import command, flag_option, json_option, request_options
-from aosplan.cli.output import check_apart, print_json, print_warnings, progress_bar
+from aosplan.cli.output import check_distinct, print_json, print_warnings, progress_bar
 from aosplan.cli.typer_classes import TyperArgument, TyperOption
 from aosplan.errors import RequestError
 from aosplan.show.text.terminal import print_notice
@@ -32,7 +32,7 @@ def run(
     for path in saved:
         check_name(path)
         check_output(path, force=force)
-    check_apart(saved)
+    check_distinct(saved)
     first, more = (scene[0], scene[1:]) if scene else (None, [])
     if first is None and not any(flags.values()):
         raise RequestError("no scene is given", "give a point cloud, a scene file or a preset")
@@ -44,7 +44,7 @@ def run(
         if table is None and loaded.volume is not None and (as_json or saved):
             from aosplan.scenes.correlogram import correlogram
 
-            bar.doing("measuring the correlogram")
+            bar.show_step("measuring the correlogram")
             table = correlogram(loaded.volume)
         if table is not None and request.edges == "wrapped":
             table = replace(table, interior=())

@@ -68,7 +68,7 @@ def run(
     searched = _search(result, chosen, quiet=quiet)
     similar = _draw(simulation, outputs, force=force) if outputs else {}
     if not (simulation.precise or simulation.settings.forest == "cloud" or quiet):
-        _say_imprecise(simulation)
+        _warn_if_imprecise(simulation)
     if as_json:
         found = {} if searched is None else {"search": searched.document()}
         print_json(simulation.document() | similar | found)
@@ -169,7 +169,7 @@ def _draw(simulation: Simulation, outputs: list[tuple[str, str]], *, force: bool
     return {"similarity": {"single": drawn.single, "integral": drawn.integral}}
 
 
-def _say_imprecise(simulation: Simulation) -> None:
+def _warn_if_imprecise(simulation: Simulation) -> None:
     from aosplan.messages import Message
 
     print_warnings(

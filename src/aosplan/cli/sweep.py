@@ -128,7 +128,7 @@ def run(
         "force": force,
         "workers": 1 if workers is None else whole(workers, "--workers"),
     }
-    with _bar(scenarios.rows, quiet=quiet) as advance, _kept():
+    with _bar(scenarios.rows, quiet=quiet) as advance, _hint_if_interrupted():
         if out is not None:
             rows, gathering = run_sweep(sweep, out, **common, scheduler=scheduler, progress=advance)
         else:
@@ -166,7 +166,7 @@ def _check_out(out: str, best: str | None, *, resume: bool, force: bool) -> None
 
 
 @contextlib.contextmanager
-def _kept() -> Iterator[None]:
+def _hint_if_interrupted() -> Iterator[None]:
     """Context manager that prints the path of the finished results if the work is interrupted."""
     try:
         yield

@@ -6,7 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from aosplan.cli.options import (
-    COMMON,
+    SHORT_HELP,
     command,
     defaults_option,
     flag_option,
@@ -22,7 +22,7 @@ from aosplan.planning.user_defaults import request_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-ENDINGS = (".csv", ".json", ".jsonl")
+EXTENSIONS = (".csv", ".json", ".jsonl")
 
 
 def run(
@@ -41,8 +41,8 @@ def run(
 
     wanted = request_of(request, flags, defaults=defaults)
     if out is not None:
-        if not out.lower().endswith(ENDINGS):
-            raise RequestError(f"--out '{out}' does not end in {', '.join(ENDINGS)}")
+        if not out.lower().endswith(EXTENSIONS):
+            raise RequestError(f"--out '{out}' does not end in {', '.join(EXTENSIONS)}")
         check_output(out, force=force)
     with progress_bar(quiet=quiet) as bar:
         folder = os.path.dirname(request or "")
@@ -51,14 +51,14 @@ def run(
     print_warnings(chosen.warnings, quiet=quiet)
     rows = document["rows"]
     if out is not None:
-        write_all({out: _rendered(document, rows, out)}, force=force)
+        write_all({out: _file_content(document, rows, out)}, force=force)
     if as_json:
         print_json(document)
     elif not quiet:
-        _show(rows, out)
+        _print_table(rows, out)
 
 
-def _rendered(document: dict[str, Any], rows: Sequence[dict[str, Any]], path: str) -> bytes:
+def _file_content(document: dict[str, Any], rows: Sequence[dict[str, Any]], path: str) -> bytes:
     import json
 
     if path.lower().endswith(".json"):
@@ -75,7 +75,7 @@ def _cell(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _show(rows: Sequence[dict[str, Any]], out: str | None) -> None:
+def _print_table(rows: Sequence[dict[str, Any]], out: str | None) -> None:
     """Print the Pareto front and the row of the plan as a table. If no row meets the target, all
     rows are printed.
     """
@@ -84,7 +84,7 @@ def _show(rows: Sequence[dict[str, Any]], out: str | None) -> None:
     shown = [row for row in rows if row["front"] or row["chosen"]] or rows
     last = "found" if "detection" in shown[0] else "contrast"
     header = ("grid", "N", "b [m]", "extent [m]", "path [m]", "time [s]", "V", "V̂", last, "")
-    print_rows(header, [_line(row) for row in shown])
+    print_rows(header, [_table_row(row) for row in shown])
     note = (
         f"{len(rows)} rows.  The table shows the rows that no other row surpasses in all "
         "columns, and the row of the plan"
@@ -96,7 +96,7 @@ def _show(rows: Sequence[dict[str, Any]], out: str | None) -> None:
     )
 
 
-def _line(row: dict[str, Any]) -> list[str]:
+def _table_row(row: dict[str, Any]) -> list[str]:
     def number(name: str, form: str) -> str:
         return "-" if row[name] is None else format(row[name], form)
 
@@ -124,7 +124,7 @@ COMMAND = command(
         "aosplan tradeoff --altitude 50 --scene stand.laz --vhat 0.8 \\\n"
         "    --grid best --json"
     ),
-    common=COMMON,
+    common=SHORT_HELP,
     parameters=[
         request_argument(),
         *request_options(),
