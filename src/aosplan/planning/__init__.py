@@ -15,7 +15,7 @@
 - `aosplan.planning.solved_plan`: makes a problem from the inputs, and solves it.
 - `aosplan.planning.sites`: the sites of one grid, over an area or along a line.
 - `aosplan.planning.route`: waypoints, speeds and flights.
-- `aosplan.planning.plan_warnings`, `aosplan.planning.measured_warnings`: the warnings of a plan.
+- `aosplan.planning.plan_warnings`: the warnings of a plan.
 - `aosplan.planning.confidence`: standard errors of a prediction; `aosplan.planning.sensitivity`:
   the effect on a plan if the scene differs from the assumed scene.
 - `aosplan.planning.plan_detection`: the probability of detection of the target that ``--find``
