@@ -37,7 +37,7 @@ settings.register_profile(
     parent=settings.get_profile("default"),
     deadline=None,
     # Every run has other examples. Many short runs therefore replace a long run.
-    max_examples=25,
+    max_examples=15,
     derandomize=bool(os.environ.get("CI")),
 )
 # This profile is for tests with other versions of dependencies. The numbers have been tested with

@@ -139,7 +139,7 @@ def planned(shape, pattern, pitch):
 kinds = st.sampled_from(["trimmed", "rectangle", "square", "line", "lanes"])
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(areas(), kinds, st.integers(1, 60), st.floats(1.0, 7.0), st.integers(0, 2**32))
 @example(shapely.multipolygons([shapely.box(0, 0, 56, 28)]), "trimmed", 50, 2.8, 1)
 def test_every_point_has_all_sites_in_its_rectangle(shape, kind, samples, baseline, seed):
@@ -172,7 +172,7 @@ def test_every_point_has_all_sites_in_its_rectangle(shape, kind, samples, baseli
         assert len(wanted) == sites.size
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(areas(), st.integers(1, 60), st.floats(1.0, 7.0), st.integers(0, 2**32))
 def test_site_counts_equal_a_direct_count_after_sites_are_removed(shape, samples, baseline, seed):
     pattern = pattern_for("trimmed", samples)

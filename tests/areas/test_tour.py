@@ -72,7 +72,7 @@ def best_m(points):
 # Without zones
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(cells, PITCHES)
 def test_all_sites_are_flown_once_and_never_below_the_bound(places, pitch):
     numbers, points = numbered(places, pitch)
@@ -176,7 +176,7 @@ def zones_and_sites(draw):
     return zone, zones, numbers[kept], points[kept]
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(zones_and_sites())
 def test_no_leg_enters_a_zone(drawn):
     zone, zones, numbers, points = drawn

@@ -43,7 +43,7 @@ def planned(values):
     return plan(PlanRequest(**values, **wind, origin=LINZ))
 
 
-@settings(max_examples=120)
+@settings(max_examples=40)
 @given(values=requests)
 def test_flights_contain_every_site_once_and_fit_the_battery(values):
     try:
@@ -96,7 +96,7 @@ def home_of(result):
     return TakeoffPoint(distance * math.sin(turn), distance * math.cos(turn), 0.0)
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(values=requests)
 def test_each_flight_is_too_full_for_the_next_site(values):
     try:

@@ -196,7 +196,7 @@ def flown_track(pattern, baseline, timing):
     return Track(x, y, [0.0] * len(x), photo)
 
 
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(
     grid=st.sampled_from(LATTICES),
     samples=st.integers(1, 80),

@@ -197,7 +197,6 @@ def test_every_waypoint_keeps_its_height_above_the_ground(hilly, trigger):
     assert result.mission().settings.takeoff_ground_m == ways.ground_m[0]
 
 
-@settings(max_examples=25)
 @given(
     baseline=st.floats(2.0, 25.0),
     tolerance=st.sampled_from([0.5, 2.0, 6.0]),
@@ -332,7 +331,7 @@ def test_heights_above_valleys_are_compared_with_120_metres(folder):
     assert deep.document()["height"]["farthest_m"] == pytest.approx(160.0, abs=0.1)
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(
     heights=st.lists(st.floats(-50.0, 50.0), min_size=2, max_size=40),
     tolerance=st.floats(0.0, 20.0),

@@ -10,6 +10,7 @@ from support.forests import STANDS, clumped_forest
 from support.paths import AREAS
 
 from aosplan.cli.app import run
+from aosplan.maps import place_detection
 from aosplan.maps.detection_map import canopy_over, detection_map, ground_of, photos_of
 from aosplan.maps.local_canopy import local_canopy
 from aosplan.maps.photo_sets import photo_sets
@@ -36,8 +37,11 @@ FIELD = str(AREAS / "field.geojson")
 
 @pytest.fixture(scope="module")
 def over_field():
+    """A plan and a map of fewer different predictions, whose values these tests do not check."""
     planned = plan(PlanRequest(**SPARSE, area=FIELD))
-    return planned, detection_map(planned)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(place_detection, "MOST_PREDICTIONS", 60)
+        return planned, detection_map(planned)
 
 
 def seen_from(planned, east, north):

@@ -95,7 +95,7 @@ def test_eq_2_agrees_with_the_paper_as_printed():
             assert exact.ulps(value, Fraction(row[name])) <= ULPS, (name, arguments, given_t)
 
 
-@settings(max_examples=600)
+@settings(max_examples=300)
 @given(density=densities, grid=grids)
 @example(density=0.1, grid=(19, 19, 0.19535276310658553))
 @example(density=0.3, grid=(78982, 78982, 0.4414068951515152))

@@ -199,6 +199,7 @@ def fly(folder, *, yaw_bias=0.0, height_error=0.0, off_m=0.0, seed=4):
     return noise
 
 
+@pytest.mark.slow
 def test_yaw_and_height_are_found_where_positions_are_true(folder):
     fly(folder, yaw_bias=3.0, height_error=2.0)
     recording = Recording("photos")

@@ -78,7 +78,7 @@ def test_one_stand_in_every_point_format_and_scaling(tmp_path, truth, point_form
     assert differing <= (0 if scale < 1e-2 else 0.05 * np.count_nonzero(truth.occupied))
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=15, suppress_health_check=list(HealthCheck))
 @given(
     across=st.sampled_from(list(UNITS)),
     up=st.sampled_from(list(UNITS)),

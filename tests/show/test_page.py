@@ -244,7 +244,11 @@ def test_curves_are_the_papers_equation(default):
         {"samples": 2, "vhat": 0.4},
         {"baseline": 0.5},
         {"visibility": 0.6, "max_aperture": 20.0},
-        {"rays": "oblique", "hold_error": 0.3, "vhat": 0.8},
+        pytest.param(
+            {"rays": "oblique", "hold_error": 0.3, "vhat": 0.8},
+            marks=pytest.mark.slow,
+            id="oblique",
+        ),
     ],
     ids=str,
 )

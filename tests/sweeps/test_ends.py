@@ -187,8 +187,10 @@ def test_waits_end_when_they_are_interrupted(campaign, tmp_path):
     code = (
         "import os, signal, threading\nfrom aosplan.cli.app import run\n"
         f"assert run(['sweep', {str(campaign)!r}, '--out', {str(tmp_path / 'r.csv')!r}]) == 0\n"
-        "threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
-        "try:\n    threading.Event().wait()\nexcept KeyboardInterrupt:\n    os._exit(7)\n"
+        "try:\n"
+        "    threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+        "    threading.Event().wait()\n"
+        "except KeyboardInterrupt:\n    os._exit(7)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], timeout=60, check=False)
     assert done.returncode == 7
@@ -233,6 +235,17 @@ def children_of(pid):
         return [int(child) for child in children.read().split()]
 
 
+def is_running(pid):
+    """Whether a process exists and has not ended.  A process that has ended exists until its parent
+    asks for its status.
+    """
+    try:
+        with open(f"/proc/{pid}/stat", encoding="ascii") as values:
+            return values.read().rpartition(")")[2].split()[0] not in {"Z", "X"}
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
 def ended(folder, act):
     """Status and stderr of a long sweep with two workers that is interrupted by `act`."""
     path, out = folder / "s.toml", folder / "r.csv"
@@ -272,8 +285,8 @@ def test_workers_end_when_the_first_process_is_killed(tmp_path):
 
     assert ended(tmp_path, kill)[0] == -signal.SIGKILL
     assert len(workers) >= 2
-    until = time.monotonic() + 20
-    while left := [pid for pid in workers if os.path.exists(f"/proc/{pid}")]:
+    until = time.monotonic() + 120
+    while left := [pid for pid in workers if is_running(pid)]:
         assert time.monotonic() < until, left
         time.sleep(0.1)
 
