@@ -167,9 +167,12 @@ def test_lattice_sites_given_as_positions_have_the_same_detection():
     model = DetectionModel(ONE, 50.0)
     pattern = pattern_for("trimmed", 14)
     lattice = model.predict(pattern, 1.5)
-    scattered = model.predict_positions(1.5 * np.array(list(pattern.offsets())))
+    positions = 1.5 * np.array(list(pattern.offsets()))
+    scattered = model.predict_positions(positions)
     assert scattered.seen.variance == pytest.approx(lattice.seen.variance, rel=1e-9)
     assert scattered.probability == pytest.approx(lattice.probability, rel=1e-9)
+    assert model.probability_at(positions) == scattered.probability
+    assert model.probability(pattern, 1.5) == lattice.probability
 
 
 def test_detection_increases_with_contrast_and_false_alarms():

@@ -146,7 +146,7 @@ class PlaceDetection:
         """Probability of detection with photos at the given positions, if the canopy has a relative
         optical depth.
         """
-        return self._model(depth).predict_positions(points_m).probability
+        return self._model(depth).probability_at(points_m)
 
     def _model(self, depth: float) -> DetectionModel:
         if depth not in self._models:

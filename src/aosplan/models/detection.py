@@ -168,9 +168,14 @@ class DetectionModel:
 
     def probability(self, pattern: AnyPattern, baseline_m: float) -> float:
         """Probability of detection with a pattern, without the other results of `predict`."""
-        clutter, seen = self._of_pattern(pattern, baseline_m)
-        level = threshold(clutter, seen, self.false_alarms)
-        return detected(clutter, seen, level, abs(self.signature.contrast), self._kept)
+        return self._probability(*self._of_pattern(pattern, baseline_m))
+
+    def probability_at(self, positions_m: Floats) -> float:
+        """Probability of detection with photos from any positions, without the other results of
+        `predict_positions`.
+        """
+        points = np.asarray(positions_m, dtype=np.float64)
+        return self._probability(*self._statistics(points, *_apart(points)))
 
     def predict_positions(self, positions_m: Floats) -> Detection:
         """Detection with photos from any positions, shape (N, 2), along the axes of
@@ -239,6 +244,10 @@ class DetectionModel:
             for rows, crown in zip(mean, crowns, strict=True)
         )
         return Pairs(window, box)
+
+    def _probability(self, clutter: Clutter, seen: SeenShare) -> float:
+        level = threshold(clutter, seen, self.false_alarms)
+        return detected(clutter, seen, level, abs(self.signature.contrast), self._kept)
 
     def _detect(self, clutter: Clutter, seen: SeenShare) -> Detection:
         level = threshold(clutter, seen, self.false_alarms)
