@@ -20,10 +20,12 @@ from aosplan.models.uncertainty import (
     UNIFORM,
     ErrorPart,
     Uncertainty,
+    finer,
     of_apertures,
     of_clumps,
     of_parts,
     of_targets,
+    of_voxel_size,
     quarters,
     with_doubt,
     with_part,
@@ -303,10 +305,51 @@ def test_the_errors_of_a_plan_contain_its_opacity(tmp_path, source):
         pair, share = (VoxelVolume(middle, 0.25), VoxelVolume(double, 0.5)), OCTAVE
     sites = [(x, y) for x in (-2.0, 0.0, 2.0) for y in (-2.0, 0.0, 2.0)]
     one, other = (MeasuredModel(each, 40.0).predict_positions(sites) for each in pair)
-    assert solved.uncertainty.expected > share * abs(one.expected - other.expected)
-    assert solved.uncertainty.expected == pytest.approx(
-        share * abs(one.expected - other.expected), rel=0.05
-    )
+    wanted = share * abs(one.expected - other.expected)
+    if source == "voxels":
+        # The depth of random voxels is proportional to their area.
+        p, shortfall = 1.0 - one.transparency**0.25, 2.0 * one.shortfall - other.shortfall
+        fine = 1.0 - p * p - p * (1.0 - p) * max(shortfall, 0.0)
+        wanted = max(wanted, share * abs(one.expected - fine))
+    assert solved.uncertainty.expected > wanted
+    assert solved.uncertainty.expected == pytest.approx(wanted, rel=0.05)
+
+
+def test_half_the_voxel_size_is_extrapolated_from_two_sizes():
+    """The extrapolation agrees with smaller voxels of the same points."""
+    rng = np.random.default_rng(4)
+    centres = rng.uniform((0.0, 0.0, 6.0), (12.8, 12.8, 10.0), (14, 3))
+    points = centres[rng.integers(0, 14, 12_000)] + rng.normal(0.0, 0.7, (12_000, 3))
+    points[:, :2] %= 12.8
+    points = points[(points[:, 2] > 2.0) & (points[:, 2] < 12.8)]
+    found = []
+    for size in (0.2, 0.4, 0.8):
+        cells = round(12.8 / size)
+        occupied = np.zeros((cells, cells, cells), dtype=bool)
+        column, row, level = np.minimum((points / size).astype(int), cells - 1).T
+        occupied[level, row, column] = True
+        model = MeasuredModel(VoxelVolume(occupied, size), 50.0, targets_per_voxel=2)
+        found.append(model.predict_positions([(x, y) for x in (-3, 0, 3) for y in (-3, 0, 3)]))
+    fine, middle, coarse = found
+    guess = finer(middle, coarse)
+    assert coarse.density - fine.density > 0.2
+    assert math.log(guess.transparency) == pytest.approx(math.log(fine.transparency), rel=0.15)
+    assert guess.expected == pytest.approx(fine.expected, abs=0.04)
+    part = of_voxel_size(middle, coarse)
+    for name in ("density", "expected"):
+        # The size changes by one octave, which is two standard errors.
+        assert abs(getattr(middle, name) - getattr(fine, name)) < 2.3 * getattr(part, name)
+        assert abs(getattr(middle, name) - getattr(coarse, name)) < 2.3 * getattr(part, name)
+
+
+def test_a_dense_stand_may_be_more_open_with_smaller_voxels():
+    """If larger voxels hide everything, the error is the difference from smaller voxels."""
+    middle, coarse = Prediction(0.99, 0.01, 0.1), Prediction(1.0, 0.0, 0.1)
+    # Without a measured exponent, the optical depth is proportional to the size.
+    part = of_voxel_size(middle, coarse)
+    assert part.density == pytest.approx(0.5 * (0.99 - 0.9))
+    assert part.expected == pytest.approx(0.5 * (finer(middle, coarse).expected - middle.expected))
+    assert finer(coarse, coarse) == coarse
 
 
 PULSES = Opacity(

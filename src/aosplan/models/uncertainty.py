@@ -28,8 +28,10 @@ from pulses, the energy of each return is not known. There are two bounds: the f
 pulse has all the energy, or the last return has all of it. The true prediction can be anywhere
 between the predictions for these bounds. The standard error is therefore their difference divided
 by √12. If each voxel with a point is treated as opaque, the result depends on the size of the
-voxels. A user may choose sizes within about one octave. The standard error is therefore half of the
-difference from the prediction with voxels of twice the size.
+voxels. A user may choose sizes within about one octave. The prediction is therefore compared with
+those for voxels of twice and of half the size, and the standard error is half of the larger
+difference. In a dense stand, this is the difference from smaller voxels, because larger voxels hide
+everything. The prediction for smaller voxels is extrapolated (`finer`).
 
 **Clumps.** Pulses do not resolve clumps that are smaller than the distance between pulses. V̂ is
 therefore too high. `CLUMPS` has the errors for generated stands with known leaves
@@ -62,9 +64,12 @@ distance between the bounds.
 """
 
 OCTAVE = 0.5
-"""Standard error that is caused by the size of voxels, divided by the difference from the
-prediction with voxels of twice the size.
+"""Standard error that is caused by the size of voxels, divided by the larger difference from the
+predictions with voxels of twice and of half the size.
 """
+
+STEEPEST = 2.0
+"""Largest exponent of the voxel size in the optical depth: that of the area of a voxel."""
 
 PERSPECTIVE = 1.2
 """Factor by which the standard errors of p̄ and V in perspective are multiplied. It is fitted to
@@ -72,11 +77,11 @@ differences between halves and quarters of real plots.
 """
 
 CLUMPS = (
-    (1.5, (0.02, 0.02, 0.26)),
-    (3.0, (0.02, 0.02, 0.18)),
-    (7.0, (0.01, 0.015, 0.13)),
-    (20.0, (0.01, 0.015, 0.09)),
-    (40.0, (0.009, 0.015, 0.06)),
+    (1.5, (0.02, 0.02, 0.28)),
+    (3.0, (0.02, 0.02, 0.16)),
+    (7.0, (0.01, 0.015, 0.10)),
+    (20.0, (0.01, 0.015, 0.075)),
+    (40.0, (0.009, 0.015, 0.05)),
     (80.0, (0.009, 0.015, 0.032)),
     (350.0, (0.004, 0.004, 0.016)),
     (math.inf, (0.003, 0.002, 0.012)),
@@ -251,6 +256,46 @@ def with_part(errors: Uncertainty, part: ErrorPart) -> Uncertainty:
         method=f"{errors.method}, and {part.source}",
         parts=(*errors.parts, part),
     )
+
+
+def of_voxel_size(middle: Prediction, coarse: Prediction) -> ErrorPart:
+    """The part of the standard errors that is caused by the size of voxels.
+
+    Parameters
+    ----------
+    middle, coarse
+        Predictions with the voxels of a stand, and with voxels of twice the size.
+    """
+    others = coarse, finer(middle, coarse)
+
+    def error(name: str) -> float:
+        here = float(getattr(middle, name))
+        return OCTAVE * max(abs(here - float(getattr(other, name))) for other in others)
+
+    return ErrorPart("opacity", error("density"), error("expected"), error("normalized"))
+
+
+def finer(middle: Prediction, coarse: Prediction) -> Prediction:
+    """The prediction for voxels of half the size, extrapolated from two sizes.
+
+    The optical depth -ln(1 - p̄) is nearly a power of the voxel size: it is proportional to the area
+    of the voxels if all points are in different voxels, and it is constant if all voxels of the
+    foliage contain points.  V̂ is extrapolated linearly in the logarithm of the size.
+
+    Parameters
+    ----------
+    middle, coarse
+        Predictions with the voxels of a stand, and with voxels of twice the size.
+    """
+    if not 0.0 < middle.transparency < 1.0:
+        return middle
+    depth = -math.log(middle.transparency)
+    exponent = 1.0
+    if coarse.transparency > 0.0:
+        exponent = math.log2(max(-math.log(coarse.transparency) / depth, 1.0))
+    clear = math.exp(-depth / 2.0 ** min(exponent, STEEPEST))
+    shortfall = min(max(2.0 * middle.shortfall - coarse.shortfall, 0.0), 1.0)
+    return middle._replace(density=1.0 - clear, transparency=clear, shortfall=shortfall)
 
 
 def of_clumps(pulses_per_m2: float) -> ErrorPart:

@@ -89,7 +89,13 @@ def _measured(
 
 def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution) -> Uncertainty:
     """Standard errors with the uncertainty of the opacity of a point cloud."""
-    from aosplan.models.uncertainty import OCTAVE, UNIFORM, of_clumps, with_doubt, with_part
+    from aosplan.models.uncertainty import (
+        UNIFORM,
+        of_clumps,
+        of_voxel_size,
+        with_doubt,
+        with_part,
+    )
 
     volume = model.volume
     if volume.opacity is None or not volume.occupied.any():
@@ -104,7 +110,7 @@ def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution)
         coarse = model.of_volume(coarsened(volume)).predict_positions(sites)
     except RequestError:  # Voxels of twice the size would reach the altitude of the cameras.
         return errors
-    return with_doubt(errors, model.predict_positions(sites), coarse, OCTAVE, "opacity")
+    return with_part(errors, of_voxel_size(model.predict_positions(sites), coarse))
 
 
 def coarsened(volume: VoxelVolume) -> VoxelVolume:
