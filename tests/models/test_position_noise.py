@@ -10,7 +10,7 @@ import pytest
 from scipy import integrate
 from support.forests import STANDS, clumped_forest
 
-from aosplan.camera.find import find_camera
+from aosplan.camera.presets import find_camera
 from aosplan.grid.patterns import Pattern, frame_at, pattern_for
 from aosplan.grid.spiral import Spiral
 from aosplan.models.correlogram import CorrelogramModel

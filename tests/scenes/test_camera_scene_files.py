@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from support.tables import CAMERA, LAYER, LAYERED, UNIFORM, read_scene, refusal
 
 from aosplan.camera.camera_file import read_camera
-from aosplan.camera.find import find_camera
-from aosplan.camera.presets import CAMERAS
+from aosplan.camera.presets import CAMERAS, find_camera
 from aosplan.cli.app import run
 from aosplan.scenes.files.scene_schema import SceneDocument
 from aosplan.scenes.files.toml_file import is_sound

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from aosplan.camera.find import find_camera
-from aosplan.camera.presets import CAMERAS
+from aosplan.camera.presets import CAMERAS, find_camera
 from aosplan.cli.options import command, json_option
 from aosplan.cli.output import print_json
 

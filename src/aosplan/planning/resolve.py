@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from aosplan.camera.camera import Camera
-from aosplan.camera.find import find_camera
+from aosplan.camera.presets import find_camera
 from aosplan.errors import RequestError
 from aosplan.files import located
 from aosplan.models.signatures import SIGNATURES, Signature

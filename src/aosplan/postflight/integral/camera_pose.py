@@ -241,7 +241,7 @@ def named_camera(
     if name is not None and fov_deg is not None:
         raise RequestError("--camera and --fov both give the camera", "leave out one of them")
     if name is not None:
-        from aosplan.camera.find import find_camera
+        from aosplan.camera.presets import find_camera
 
         return from_camera(find_camera(name))
     return None if fov_deg is None else from_field_of_view(fov_deg)

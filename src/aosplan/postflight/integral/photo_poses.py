@@ -327,7 +327,7 @@ def _lenses(
             focal = tag.focal_px
             found.append(Intrinsics(width, height, focal, focal, width / 2.0, height / 2.0))
         elif plan.camera is not None:
-            from aosplan.camera.find import find_camera
+            from aosplan.camera.presets import find_camera
 
             lacking.append(name)
             found.append(from_camera(find_camera(plan.camera))(width, height))
