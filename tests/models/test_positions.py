@@ -267,7 +267,7 @@ def test_a_full_mask_is_a_grid():
 
 
 @pytest.mark.parametrize("counted", [offset_counts, counted_directly, counted_by_transform])
-@pytest.mark.parametrize(("rows", "columns"), [(1, 40), (40, 1), (17, 23), (64, 64), (3, 130)])
+@pytest.mark.parametrize(("rows", "columns"), [(1, 40), (40, 1), (17, 23), (32, 32), (3, 130)])
 def test_direct_counts_of_offsets_equal_counts_by_a_transform(counted, rows, columns):
     mask = masks(rows, columns, 0.4, seed=5)
     reaches = [(rows - 1, columns - 1), (rows // 2, columns // 3), (0, columns - 1), (rows - 1, 0)]

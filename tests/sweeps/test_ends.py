@@ -15,6 +15,21 @@ from aosplan.sweeps import scenarios as scenarios_module
 
 pl = pytest.importorskip("polars")
 
+SHORT = CAMPAIGN.replace("count = 6", "count = 2")
+ROWS = 8
+"""The sweep of the tests with 32 scenarios, in four blocks of this size."""
+
+
+@pytest.fixture
+def campaign(campaign):
+    campaign.write_text(SHORT, encoding="utf-8")
+    return campaign
+
+
+@pytest.fixture
+def small_blocks(monkeypatch):
+    monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", ROWS)
+
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "jsonl"])
 @pytest.mark.parametrize(
@@ -66,7 +81,7 @@ def test_a_damaged_part_is_solved_again(campaign, tmp_path, small_blocks, monkey
     monkeypatch.setattr(run_module.Parts, "join", full)
     assert sweep(campaign, "--out", broken) == 1
     monkeypatch.undo()
-    monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 30)
+    monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", ROWS)
     part = tmp_path / "broken.csv.parts" / "00000002.csv"
     part.write_bytes(part.read_bytes()[:100])
     assert sweep(campaign, "--out", broken, "--resume") == 0
@@ -86,7 +101,7 @@ def test_a_damaged_journal_is_passed_over_or_refused(
     whole = journal.read_text()
     journal.write_text(f"{line}\n{whole}")
     monkeypatch.undo()
-    monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 30)
+    monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", ROWS)
     if line != "\x00":
         assert sweep(campaign, "--out", out, "--resume") == 2
         assert "parts of another sweep" in capsys.readouterr().err
@@ -117,7 +132,7 @@ def test_the_results_of_another_sweep_are_not_resumed(campaign, tmp_path, monkey
     out = tmp_path / "r.csv"
     assert sweep(campaign, "--out", out) == 130
     monkeypatch.undo()
-    campaign.write_text(CAMPAIGN.replace("0.2", "0.3"), encoding="utf-8")
+    campaign.write_text(SHORT.replace("0.2", "0.3"), encoding="utf-8")
     assert sweep(campaign, "--out", out, "--resume") == 2
     assert "parts of another sweep" in capsys.readouterr().err
     assert sweep(campaign, "--out", out, "--force") == 0
@@ -292,8 +307,9 @@ def test_workers_end_when_the_first_process_is_killed(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="without locks")
-@pytest.mark.parametrize("out", ["r.csv", "r.parquet/"])
-@pytest.mark.parametrize("again", ["--force", "--resume"])
+@pytest.mark.parametrize(
+    ("out", "again"), [("r.csv", "--force"), ("r.parquet/", "--force"), ("r.csv", "--resume")]
+)
 def test_a_second_sweep_to_the_same_output_is_refused(
     campaign, tmp_path, small_blocks, monkeypatch, capsys, out, again
 ):
@@ -327,7 +343,7 @@ def test_file_names_are_not_written_as_spreadsheet_formulas(tmp_path, monkeypatc
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of addresses")
-@pytest.mark.parametrize("megabytes", [300, 600, 900])
+@pytest.mark.parametrize("megabytes", [300, pytest.param(600, marks=pytest.mark.slow), 900])
 @pytest.mark.parametrize("where", [["--summary"], ["--out", "r.csv"]])
 def test_too_little_memory_gives_one_error_line(campaign, tmp_path, megabytes, where):
     # polars would end the process with its own message.
