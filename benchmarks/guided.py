@@ -5,7 +5,7 @@ from which they were chosen.
 
 Plans with ``--grid guided`` are made above discs of ground, within two times from take-off to
 landing and with photos 0.7 s apart while flying. Each plan is compared with its own plain grids:
-lanes and a single line, with photos at stops and while flying. Their rows, columns and spacings are
+lanes, a single line, squares and trimmed grids, with photos at stops and while flying. Their rows, columns and spacings are
 chosen with the same half of the pulses. The plans are judged with
 
 - *half*: the other half of the pulses, as in the plan itself;
@@ -41,7 +41,6 @@ from support.leaf_clouds import write_scan
 
 from aosplan.errors import InfeasibleError
 from aosplan.geodesy import to_wgs84
-from aosplan.grid.patterns import Pattern
 from aosplan.models.place import PlaceModel, PlaceViews
 from aosplan.planning import guided
 from aosplan.planning.loaded_scene import load_scene
@@ -122,11 +121,9 @@ def sites_of(made):
     east, north = made.layout.sites.east_m, made.layout.sites.north_m
     found = {"guided": np.column_stack([east, north])}
     for each in made.guided.plain:
-        along_m, across_m = each.pitch_m
-        offsets = np.array(list(Pattern(each.rows, each.columns, across_m / along_m).offsets()))
         # Rows are along the heading, which is north. Like the rows of the plan, they are at whole
         # metres.
-        sites = offsets[:, ::-1] * along_m
+        sites = np.array(list(each.pattern.offsets()))[:, ::-1] * each.pitch_m[0]
         found[f"{each.kind}, {each.trigger}"] = sites + 0.5 * (np.round(2 * sites[0]) % 2)
     return found
 

@@ -382,9 +382,12 @@ CLOUD_ONLY = (
 TERRAIN = ("terrain", "terrain_units", "terrain_tolerance")
 """These options are tested in test_terrain.py, because they need a terrain file."""
 
+GAIN = ("order", "poa")
+"""These options are tested in test_gain_order.py, because they need a prior."""
+
 
 def test_every_option_has_its_effect_tested():
-    assert {*EFFECTS, *CLOUD_ONLY, *TERRAIN} == {option.name for option in OPTIONS}
+    assert {*EFFECTS, *CLOUD_ONLY, *TERRAIN, *GAIN} == {option.name for option in OPTIONS}
 
 
 @pytest.fixture(scope="module")

@@ -9,17 +9,16 @@ import pytest
 from support.forests import STANDS, clumped_forest
 from support.paths import AREAS
 
+from aosplan.areas.photo_sets import photo_sets
 from aosplan.cli.app import run
-from aosplan.maps import place_detection
-from aosplan.maps.detection_map import canopy_over, detection_map, ground_of, photos_of
-from aosplan.maps.local_canopy import local_canopy
-from aosplan.maps.photo_sets import photo_sets
-from aosplan.maps.place_detection import PlaceDetection
-from aosplan.maps.prior import success_of
+from aosplan.maps.detection_map import detection_map, ground_of, photos_of
+from aosplan.planning import place_detection
+from aosplan.planning.place_detection import PlaceDetection, canopy_over
 from aosplan.planning.plan_detection import detection_at
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.postflight.views import along_heading
+from aosplan.scenes.local_canopy import local_canopy
 from aosplan.scenes.voxels import VoxelVolume
 
 rasterio = pytest.importorskip("rasterio")
@@ -211,13 +210,9 @@ def test_success_is_the_sum_of_detection_times_prior(tmp_path, over_field):
     _, found = over_field
     # The prior has ten by ten pixels of 100 m around the area, which is 1 km². It is uniform, so
     # the probability that the target is in the area is the size of the area in km².
-    even = success_of(found, prior_of(tmp_path / "even.tif", found, np.full((10, 10), 7.0)))
+    even = found.success(prior_of(tmp_path / "even.tif", found, np.full((10, 10), 7.0)))
     assert even.area == pytest.approx(found.cells.area_m2 / 1e6, rel=0.002)
     assert even.success == pytest.approx(even.area * found.mean, rel=1e-3)
-    away = np.zeros((10, 10))
-    away[0, 0] = 1.0
-    nowhere = success_of(found, prior_of(tmp_path / "away.tif", found, away))
-    assert (nowhere.area, nowhere.success) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -225,6 +220,7 @@ def test_success_is_the_sum_of_detection_times_prior(tmp_path, over_field):
     [
         (np.full((2, 2), -1.0), {}, "which is not a probability"),
         (np.zeros((2, 2)), {}, "zero everywhere"),
+        (np.pad([[1.0]], ((9, 0), (0, 9))), {}, "has no probability on the ground of the plan"),
         (np.ones((2, 2)), {"crs": None}, "has no coordinate system"),
         (np.ones((2, 2)), {"count": 2}, "has 2 bands"),
     ],
@@ -234,7 +230,7 @@ def test_an_invalid_prior_raster_is_refused(tmp_path, over_field, values, profil
 
     path = prior_of(tmp_path / "bad.tif", over_field[1], values, **profile)
     with pytest.raises(RequestError, match=message):
-        success_of(over_field[1], path)
+        over_field[1].success(path)
 
 
 @pytest.mark.slow
@@ -274,7 +270,10 @@ def test_the_command_writes_a_map_that_lies_over_the_area(tmp_path, monkeypatch,
     [
         (["--detection-map", "pod.tif"], "needs a location"),
         (["--origin", "48,14", "--detection-map", "pod.png"], "does not end in .tif"),
-        (["--origin", "48,14", "--poa", "prior.tif"], "--poa needs --detection-map"),
+        (
+            ["--origin", "48,14", "--poa", "prior.tif"],
+            "--poa needs --detection-map or --order gain",
+        ),
         (["--origin", "48,14", "--detection-map", "p.tif", "--out", "p.tif"], "p.tif"),
         (["--origin", "48,14", "--detection-map", "p.tif", "--poa", "no.tif"], "no.tif"),
         (

@@ -5,7 +5,6 @@ import pytest
 from support.scans import CORNER, SIDE_M, place, pyproj, scan, true_visibility
 
 from aosplan.errors import AosplanError, InfeasibleError, RequestError
-from aosplan.grid.patterns import Pattern
 from aosplan.planning.plan_schema import PlanDocument
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
@@ -43,12 +42,13 @@ def test_the_prediction_of_guided_positions_agrees_with_known_leaves(guided):
 def test_guided_positions_show_more_than_plain_grids_of_the_same_time(guided):
     sites = on_plot(guided)
     true = true_visibility(MIDDLE, RADIUS_M, sites, ALTITUDE_M)
-    assert guided.guided.plain
+    kinds = {(each.kind, each.trigger) for each in guided.guided.plain}
+    assert {kind for kind, _ in kinds} == {"lanes", "line", "square", "trimmed"}
+    assert len(kinds) == len(guided.guided.plain)
     for each in guided.guided.plain:
         assert each.time_s <= 90.0 * (1.0 + 1e-9)
-        along_m, across_m = each.pitch_m
-        offsets = np.array(list(Pattern(each.rows, each.columns, across_m / along_m).offsets()))
-        grid = np.array(MIDDLE) + along_m * offsets[:, ::-1]
+        offsets = np.array(list(each.pattern.offsets()))
+        grid = np.array(MIDDLE) + each.pitch_m[0] * offsets[:, ::-1]
         assert true > true_visibility(MIDDLE, RADIUS_M, grid, ALTITUDE_M)
 
 

@@ -76,6 +76,8 @@ class RequestOptions(TypedDict, total=False):
     clear: str | os.PathLike[str] | None
     no_fly: str | os.PathLike[str] | None
     buffer: float | None
+    order: str | None
+    poa: str | os.PathLike[str] | None
     max_sites: int | None
     drone: str | os.PathLike[str] | None
     speed: float | None

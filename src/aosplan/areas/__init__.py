@@ -16,4 +16,8 @@
 - `aosplan.areas.reprojection`: boundaries in other coordinate reference systems.
 - `aosplan.areas.vector_file`: boundaries in GeoPackage, shapefile, GPX, FlatGeobuf and MapInfo
   files.
+- `aosplan.areas.ground_cells`: cells over an area or over the photos' footprints.
+- `aosplan.areas.photo_sets`: the photos that see each place.
+- `aosplan.areas.prior`: the expected position of a target.
+- `aosplan.areas.geotiff`: writes rasters as files.
 """

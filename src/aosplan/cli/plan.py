@@ -26,7 +26,9 @@ from aosplan.cli.output import (
     writes_stdout,
 )
 from aosplan.errors import RequestError
+from aosplan.files import located
 from aosplan.planning.option_parsers import PERSON
+from aosplan.planning.options import GAIN
 from aosplan.planning.planner import plan
 from aosplan.planning.user_defaults import request_of
 
@@ -51,7 +53,6 @@ def run(
     report_seed: str | None,
     detection_map: str | None,
     reciprocal_map: str | None,
-    poa: str | None,
     defaults: str | None,
     **flags: Any,
 ) -> None:
@@ -66,8 +67,10 @@ def run(
         _check_report(report, [path for _, path in chosen], seed=seed, force=force)
     paths = [path for _, path in chosen]
     others = [*paths, *([] if report is None else [report])]
-    if poa is not None:
-        _check_prior(poa, detection_map)
+    folder = os.path.dirname(request or "")
+    prior = None if wanted.poa is None else located(wanted.poa, folder)
+    if prior is not None:
+        _check_prior(prior, wanted, detection_map)
     _check_map("detection map", detection_map, others, force=force)
     maps = [] if detection_map is None else [detection_map]
     _check_map("reciprocal map", reciprocal_map, [*others, *maps], force=force)
@@ -75,12 +78,11 @@ def run(
     if not wanted.has_place:
         _refuse_without_place(chosen, detection_map, reciprocal_map)
     with progress_bar(quiet=quiet) as bar:
-        folder = os.path.dirname(request or "")
         result = plan(wanted, folder=folder, progress=bar, on_trial=bar.on_trial)
     print_warnings(result.warnings, quiet=quiet)
     pages, found, success = {}, None, None
     if detection_map is not None:
-        found, success = _detection_map(result, poa, quiet=quiet)
+        found, success = _detection_map(result, prior, quiet=quiet)
         pages[detection_map] = found.geotiff()
     positions = None
     if reciprocal_map is not None:
@@ -108,7 +110,7 @@ def run(
 
 
 def _detection_map(
-    result: Plan, poa: str | None, *, quiet: bool
+    result: Plan, prior: str | None, *, quiet: bool
 ) -> tuple[DetectionMap, SearchSuccess | None]:
     """The map of the probability of detection of a plan, and the probability of success if a prior
     is given.
@@ -118,11 +120,9 @@ def _detection_map(
     with waiting_bar("predicting detection by place", quiet=quiet):
         found = detection_map(result)
     print_warnings(found.messages(), quiet=quiet)
-    if poa is None:
+    if prior is None:
         return found, None
-    from aosplan.maps.prior import success_of
-
-    return found, success_of(found, poa)
+    return found, found.success(prior)
 
 
 def _reciprocal_map(result: Plan, *, quiet: bool) -> ReciprocalMap:
@@ -165,13 +165,16 @@ def _request_with_target(
     return request_of(request, flags, defaults=defaults)
 
 
-def _check_prior(poa: str, detection_map: str | None) -> None:
-    """Refuse a prior if no map is requested, or if the prior cannot be read."""
+def _check_prior(prior: str, wanted: PlanRequest, detection_map: str | None) -> None:
+    """Refuse a prior that nothing uses, or a prior that cannot be read."""
     from aosplan.files import check_input
 
-    if detection_map is None:
-        raise RequestError("--poa needs --detection-map", "give --detection-map POD.tif as well")
-    check_input(poa)
+    if detection_map is None and wanted.order != GAIN:
+        raise RequestError(
+            "--poa needs --detection-map or --order gain",
+            "give --detection-map POD.tif or --order gain as well",
+        )
+    check_input(prior)
 
 
 def _check_map(what: str, path: str | None, others: list[str], *, force: bool) -> None:
@@ -260,13 +263,6 @@ COMMAND = command(
             "--reciprocal-map",
             "SEEN.tif",
             "Write a map of what each camera position sees.",
-            "Output",
-        ),
-        text_option(
-            "--poa",
-            "PRIOR.tif",
-            "Where the target is expected (GeoTIFF of relative probabilities).  The map then "
-            "contains the probability of success (POS).",
             "Output",
         ),
     ],

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from aosplan.areas.photo_sets import PhotoSets, photo_sets
 from aosplan.geodesy import to_wgs84
-from aosplan.maps.detection_map import canopy_over, ground_of, photos_of, relative_depth
-from aosplan.maps.photo_sets import PhotoSets, photo_sets
-from aosplan.maps.place_detection import PlaceDetection
+from aosplan.maps.detection_map import ground_of, photos_of
+from aosplan.planning.place_detection import PlaceDetection, canopy_over, relative_depth
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from aosplan.maps.ground_cells import GroundCells
+    from aosplan.areas.ground_cells import GroundCells
     from aosplan.planning.result import Plan
 
     Floats = NDArray[np.float64]

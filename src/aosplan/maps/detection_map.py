@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from aosplan.areas.ground_cells import GroundCells, cells_over, footprints, side_m
+from aosplan.areas.photo_sets import along_and_across, photo_sets
 from aosplan.errors import RequestError
-from aosplan.maps.ground_cells import GroundCells, cells_over, footprints, side_m
-from aosplan.maps.local_canopy import LocalCanopy, local_canopy
-from aosplan.maps.photo_sets import along_and_across, photo_sets
-from aosplan.maps.place_detection import PlaceDetection
 from aosplan.messages import Message
+from aosplan.planning.place_detection import PlaceDetection, canopy_over, relative_depth
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.planning.result import Plan
+    from aosplan.scenes.local_canopy import LocalCanopy
 
     Floats = NDArray[np.float64]
 
@@ -73,6 +73,19 @@ class DetectionMap(NamedTuple):
     probability: Floats
     canopy: LocalCanopy | None
     sweep_width_m: float | None
+
+    def success(self, prior: str) -> SearchSuccess:
+        """Probability of success, for a prior of the target's position in a GeoTIFF.
+
+        Raises
+        ------
+        RequestError, MissingExtraError
+            As in `aosplan.areas.prior.prior_shares`.
+        """
+        from aosplan.areas.prior import prior_shares
+
+        shares = prior_shares(self.cells, self.origin, prior)
+        return SearchSuccess(float(shares.sum()), float(shares @ self.probability))
 
     @property
     def mean(self) -> float:
@@ -145,30 +158,6 @@ def ground_of(plan: Plan) -> tuple[GroundCells, str]:
     else:
         whole, ground = footprints(photos_of(plan), footprint, plan.heading_deg), "footprints"
     return cells_over(whole, side_m(float(whole.area), min(footprint))), ground
-
-
-def canopy_over(plan: Plan, cells: GroundCells) -> LocalCanopy | None:
-    """The canopy above cells, if the plan's scene has a location."""
-    volume = plan.volume
-    if volume is None or volume.place is None or plan.origin is None:
-        return None
-    return local_canopy(
-        volume,
-        cells.middles_m,
-        plan.origin,
-        altitude_m=plan.altitude_m,
-        footprint_m=max(plan.inputs.footprint_m),
-        focal_height_m=plan.inputs.focal_height_m,
-    )
-
-
-def relative_depth(canopy: LocalCanopy | None) -> Floats | None:
-    """Optical depth of the canopy above each place, divided by the optical depth of the whole
-    stand; 1 for places without a known canopy.
-    """
-    if canopy is None or canopy.mean_depth == 0.0:
-        return None
-    return np.nan_to_num(canopy.depth / canopy.mean_depth, nan=1.0)
 
 
 def detection_map(plan: Plan) -> DetectionMap:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from aosplan.areas.geotiff import geotiff_bytes
+from aosplan.areas.ground_cells import SIDES_M, GroundCells
+from aosplan.areas.photo_sets import along_and_across
 from aosplan.geodesy import local_crs
-from aosplan.maps.geotiff import geotiff_bytes
-from aosplan.maps.ground_cells import SIDES_M, GroundCells
-from aosplan.maps.photo_sets import along_and_across
 from aosplan.models.place import PlaceViews
 from aosplan.planning.target_area import located_stand, target_area_of
 from aosplan.scenes.plot_frame import plot_frame

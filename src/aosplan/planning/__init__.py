@@ -19,7 +19,7 @@
 - `aosplan.planning.confidence`: standard errors of a prediction; `aosplan.planning.sensitivity`:
   the effect on a plan if the scene differs from the assumed scene.
 - `aosplan.planning.plan_detection`: the probability of detection of the target that ``--find``
-  names.
+  names; `aosplan.planning.place_detection`: this probability at each place.
 - `aosplan.planning.within`: the search for the best flight within a time, with
   `aosplan.planning.within_shapes`, `aosplan.planning.shape_space`, `aosplan.planning.least_time` and
   `aosplan.planning.within_result`; `aosplan.planning.cheaper_flight`: a hint for long flights.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from aosplan.planning.option_parsers import PERSON
-from aosplan.planning.options import BY_NAME, DEFAULTS, GUIDED
+from aosplan.planning.options import BY_NAME, DEFAULTS, GAIN, GUIDED
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -119,8 +119,10 @@ def left_open(values: Mapping[str, Any]) -> dict[str, Any]:
     In a search, the options in `LEFT_OPEN` get the value `OPEN`.
     """
     found: dict[str, Any] = {}
+    if values["order"] == GAIN and values["find"] is None:
+        found["find"] = PERSON
     if values["optimize"] is None:
-        found["optimize"] = default_objective(values)
+        found["optimize"] = default_objective({**values, **found})
     objective = found.get("optimize", values["optimize"])
     searches = is_search({**values, "optimize": objective})
     for name in LEFT_OPEN:

@@ -166,7 +166,9 @@ def _check_better(result: GuidedResult, expected: float) -> None:
     if expected > best.prediction.expected and result.least_expected > best.least_expected:
         return
     along_m, across_m = best.pitch_m
-    lanes = f" --lanes {best.rows} --lane-pitch {across_m / along_m:.4g}" if best.rows > 1 else ""
+    lanes = ""
+    if best.kind == "lanes":
+        lanes = f" --lanes {best.pattern.rows} --lane-pitch {across_m / along_m:.4g}"
     raise InfeasibleError(
         f"guided positions are not better here than a plain grid: their V is {expected:.3g}, or "
         f"{result.least_expected:.3g} if there is dense foliage wherever no pulse has passed; a "

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from aosplan.flight.track import FlightPoints
+    from aosplan.grid.patterns import Pattern
     from aosplan.models.model import Prediction
 
 CHOSEN_WITH, PREDICTED_WITH = "first half of the pulses", "second half of the pulses"
@@ -18,9 +19,10 @@ class PlainFlight(NamedTuple):
     Attributes
     ----------
     kind, trigger
-        Kind of grid, ``lanes`` or ``line``, and whether photos are taken at stops or while flying.
-    rows, columns, pitch_m
-        Number of rows and of columns, and the pitch along the heading and across it.
+        Kind of grid (``lanes``, ``line``, ``square`` or ``trimmed``), and whether photos are taken
+        at stops or while flying.
+    pattern, pitch_m
+        The grid, and its pitch along the heading and across it.
     time_s
         Time from take-off to landing.
     prediction, least_expected, unseen_share
@@ -30,8 +32,7 @@ class PlainFlight(NamedTuple):
 
     kind: str
     trigger: str
-    rows: int
-    columns: int
+    pattern: Pattern
     pitch_m: tuple[float, float]
     time_s: float
     prediction: Prediction
@@ -41,15 +42,15 @@ class PlainFlight(NamedTuple):
     @property
     def samples(self) -> int:
         """Number of photos."""
-        return self.rows * self.columns
+        return self.pattern.samples
 
     def document(self) -> dict[str, Any]:
         """The grid as plain values."""
         return {
             "kind": self.kind,
             "trigger": self.trigger,
-            "rows": self.rows,
-            "columns": self.columns,
+            "rows": self.pattern.rows,
+            "columns": self.pattern.columns,
             "pitch_m": list(self.pitch_m),
             "samples": self.samples,
             "time_s": self.time_s,

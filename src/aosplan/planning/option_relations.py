@@ -166,6 +166,7 @@ RELATIONS = (
     _unguided("view!=perspective", "all photos show one place, in perspective"),
     _unguided("edges!=auto|interior", "only positions whose rays stay on the plot are used"),
     _unguided("hold_error!=0.0", "errors of the position are not part of the choice"),
+    _unguided("order=gain", "all positions show the same place"),
     _unguided("sensitivity", "the sensitivity can be computed only for a grid"),
     _unguided("allow_no_common_ground", "every photo shows the whole target area"),
     *(
@@ -277,6 +278,15 @@ RELATIONS = (
         "give --around FILE or --origin",
     ),
     _rule("buffer", NEEDS, "no_fly", "{given} {need} --no-fly", "give --no-fly FILE too"),
+    # Orders.
+    _rule(
+        "order", NEEDS, "area around", "{given} {need} --area",
+        "give --area FILE, or leave --order out",
+    ),
+    _rule(
+        "order=gain", NEEDS, "poa", "{given} needs to know where the target is expected",
+        "give --poa PRIOR.tif, or leave --order out",
+    ),
     # Kinds of grid.
     *(
         _rule(

@@ -39,6 +39,7 @@ DEFAULTS: dict[str, Any] = {
     "heading": 0.0,
     "buffer": 5.0,
     "max_sites": 10_000,
+    "order": "shortest",
     "around_radius": 10.0,
     "speed": 5.0,
     "acceleration": 2.0,
@@ -58,6 +59,12 @@ DEFAULTS: dict[str, Any] = {
 
 GUIDED = "guided"
 """The kind of grid whose positions are chosen for one place from a point cloud."""
+
+GAIN = "gain"
+"""The order of lines by the gain of the probability of success per minute."""
+
+ORDERS = ("shortest", GAIN)
+"""Orders of the lines over an area."""
 
 READING = (
     "voxel", "ground", "min_height", "units", "crop", "opacity", "leaf_size", "trajectory",
@@ -244,6 +251,12 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
          "Zones that sites and flight paths must avoid."),
         ("buffer", parse.height, "number", "M",
          "Distance between flight paths and no-fly zones.  [default]"),
+        ("order", q.one_of(ORDERS), "text", "HOW",
+         "Order of the lines over an area: shortest, or gain (the largest gain of the probability "
+         "of success per minute first; needs --poa).  [default]"),
+        ("poa", q.word, "text", "PRIOR.tif",
+         "Where the target is expected (GeoTIFF of relative probabilities), for --order gain and "
+         "--detection-map."),
         ("max_sites", q.whole, "whole", "N",
          "Largest number of sites; an area that needs more is rejected.  [default]"),
     ),

@@ -1,13 +1,15 @@
 """Plain grids that are compared with guided positions: they are above the same place and take at
 most the same time.
 
-The grids are lanes and single lines along the heading, on the lattice of the candidates and around
-the middle of the target area, with photos at stops or while flying.  Their rows, columns and
-spacings are chosen with the half of the pulses that the guided positions were chosen with.
+The grids are lanes, single lines, squares and trimmed grids along the heading, on the lattice of the
+candidates and around the middle of the target area, with photos at stops or while flying.  Their
+rows, columns and spacings are chosen with the half of the pulses that the guided positions were
+chosen with.
 """
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -15,7 +17,7 @@ import numpy as np
 from aosplan.errors import AosplanError
 from aosplan.flight.kinematics import path_of
 from aosplan.flight.track import FlightPoints
-from aosplan.grid.patterns import Pattern
+from aosplan.grid.patterns import Pattern, pattern_for
 from aosplan.planning.guided_result import PlainFlight
 from aosplan.planning.options import DEFAULTS
 from aosplan.planning.route import speed_bounds
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 MOST_ROWS = 6
+"""Largest number of lanes."""
+
 MOST_STEPS = 8
 """Largest spacing of a grid, in steps of the lattice."""
 
@@ -47,16 +51,11 @@ decreasing visibility until one fits into the time.
 
 
 class _Grid(NamedTuple):
-    """A grid on the lattice: rows, columns, and steps along and across."""
+    """A grid on the lattice, and its spacing along the heading in steps."""
 
-    rows: int
-    columns: int
+    kind: str
+    pattern: Pattern
     along: int
-    across: int
-
-    @property
-    def pattern(self) -> Pattern:
-        return Pattern(self.rows, self.columns, self.across / self.along)
 
 
 def plain_flights(
@@ -96,24 +95,23 @@ def plain_flights(
     found = []
     for trigger in ("stop", "distance"):
         flown = inputs._replace(flight=_triggered(inputs, trigger))
-        for kind in ("lanes", "line"):
+        for kind in dict.fromkeys(grid.kind for _, grid, _ in grids):
             chosen = _best(
                 flown,
                 area.origin,
                 candidates,
-                [each for each in grids if (each[1].rows == 1) == (kind == "line")],
+                [each for each in grids if each[1].kind == kind],
                 longest_s,
             )
             if chosen is not None:
                 grid, sites, time_s = chosen
-                points = candidates.points_m[sites]
+                points, along_m = candidates.points_m[sites], grid.along * candidates.step_m
                 found.append(
                     PlainFlight(
                         kind,
                         trigger,
-                        grid.rows,
-                        grid.columns,
-                        (grid.along * candidates.step_m, grid.across * candidates.step_m),
+                        grid.pattern,
+                        (along_m, along_m * grid.pattern.row_pitch),
                         time_s,
                         model.predict_positions(points),
                         dense.predict_positions(points).expected,
@@ -146,26 +144,38 @@ def _grids(candidates: Candidates, middle: Floats) -> Iterator[tuple[_Grid, NDAr
     x, y = (candidates.places - low).T
     index[y, x] = np.arange(len(x))
 
-    def along(count: int, step: int, most: int, centre: float) -> NDArray[np.intp] | None:
-        first = round(centre - 0.5 * step * (count - 1))
-        places = first + step * np.arange(count)
-        return places if first >= 0 and places[-1] < most else None
-
     x_middle, y_middle = (middle - low).tolist()
-    for across in range(1, MOST_STEPS + 1):
-        for count in range(1, MOST_ROWS + 1):
-            y_places = along(count, across, rows, y_middle)
-            if y_places is None or (count == 1 and across > 1):
-                continue
-            for step in range(1, MOST_STEPS + 1):
-                for number in range(2, MOST_SAMPLES // count + 1):
-                    x_places = along(number, step, columns, x_middle)
-                    if x_places is None:
-                        break
-                    sites = index[np.ix_(y_places, x_places)]
-                    sites[1::2] = sites[1::2, ::-1]
-                    if (sites >= 0).all():
-                        yield _Grid(count, number, step, across), sites.ravel()
+    for grid in _on_lattice(rows, columns):
+        pattern = grid.pattern
+        across = round(grid.along * pattern.row_pitch)
+        x_first = round(x_middle - 0.5 * grid.along * (pattern.columns - 1))
+        y_first = round(y_middle - 0.5 * across * (pattern.rows - 1))
+        x_last = x_first + grid.along * (pattern.columns - 1)
+        y_last = y_first + across * (pattern.rows - 1)
+        if min(x_first, y_first) < 0 or x_last >= columns or y_last >= rows:
+            continue
+        row, column = np.array(list(pattern.sites())).T
+        sites = index[y_first + across * row, x_first + grid.along * column]
+        if (sites >= 0).all():
+            yield grid, sites
+
+
+def _on_lattice(rows: int, columns: int) -> Iterator[_Grid]:
+    """Grids that fit into a number of rows and columns of the lattice."""
+    steps = range(1, MOST_STEPS + 1)
+    for across, count, step in itertools.product(steps, range(1, MOST_ROWS + 1), steps):
+        if (count == 1 and across > 1) or across * (count - 1) >= rows:
+            continue
+        most = min(MOST_SAMPLES // count, (columns - 1) // step + 1)
+        kind = "line" if count == 1 else "lanes"
+        for number in range(2, most + 1):
+            if (number, step) != (count, across):  # Squares have their own kind.
+                yield _Grid(kind, Pattern(count, number, across / step), step)
+    for kind, samples in itertools.product(("square", "trimmed"), range(2, MOST_SAMPLES + 1)):
+        pattern = pattern_for(kind, samples)
+        assert isinstance(pattern, Pattern)  # Only spirals have another type.
+        if pattern.samples == samples and (kind == "square" or pattern.removed):
+            yield from (_Grid(kind, pattern, step) for step in steps)
 
 
 def _best(

@@ -291,6 +291,35 @@ class WithinDocument(OpenDocument):
     laid_out: int
 
 
+class ShortestOrderDocument(OpenDocument):
+    """The shortest order, for comparison with the order by gain."""
+
+    probability_of_success: Finite
+    mean_time_s: Finite
+    curve: list[Pair]
+
+
+class GainFlightDocument(OpenDocument):
+    """Probability of success of one flight."""
+
+    landed_s: Finite
+    probability_of_success: Finite
+    cumulative_probability_of_success: Finite
+
+
+class GainDocument(OpenDocument):
+    """Result of an order by gain (`aosplan.planning.gain_order`)."""
+
+    probability_of_area: Finite
+    probability_of_success: Finite
+    mean_time_s: Finite
+    shortest_order: ShortestOrderDocument
+    flights: list[GainFlightDocument]
+    curve: list[Pair]
+    photos: int
+    photos_of_whole_area: int
+
+
 class PhotosByPlaceDocument(OpenDocument):
     """Statistics of the number of photos that see a cell of a map."""
 
@@ -335,7 +364,7 @@ class DetectionDocument(OpenDocument):
 class PlainFlightDocument(OpenDocument):
     """A plain grid within the same time as guided positions."""
 
-    kind: Literal["lanes", "line"]
+    kind: Literal["lanes", "line", "square", "trimmed"]
     trigger: Literal["stop", "distance"]
     rows: int
     columns: int
@@ -403,6 +432,7 @@ class PlanDocument(OpenDocument):
     continuous: ContinuousDocument | None = None
     detection: DetectionDocument | None = None
     within: WithinDocument | None = None
+    gain: GainDocument | None = None
     guided: GuidedDocument | None = None
     reciprocal_map: ReciprocalMapDocument | None = None
     limits: list[LimitDocument]

@@ -4,13 +4,15 @@ cannot be changed.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from aosplan.errors import RequestError
+from aosplan.errors import InfeasibleError, RequestError
 from aosplan.models.ground_visibility import ground_visibility
 from aosplan.planning.confidence import confidence_of
 from aosplan.planning.loaded_scene import load_scene
+from aosplan.planning.options import GAIN
 from aosplan.planning.plan_warnings import (
     guided_warnings,
     measured_warnings,
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
     from aosplan.planning.sites import Layout
     from aosplan.planning.solved_plan import SolvedPlan
+    from aosplan.planning.within_result import WithinResult
     from aosplan.solver.problem import OnTrial
 
 
@@ -105,22 +108,25 @@ def plan(
         from aosplan.planning.cheaper_flight import long_flight
 
         notices += long_flight(inputs.request, folder, inputs.loaded, route.total_time_s)
-    return with_warnings(
-        Plan(
-            inputs=solved.inputs,
-            solution=solved.solution,
-            grid=solved.grid,
-            problem=solved.problem,
-            coverage=solved.coverage,
-            route=route,
-            layout=layout,
-            confidence=confidence_of(solved),
-            ground=_ground_of(solved, layout),
-            detection=detection,
-            guided=solved.guided,
-            notices=tuple(notices),
-        )
+    made = Plan(
+        inputs=solved.inputs,
+        solution=solved.solution,
+        grid=solved.grid,
+        problem=solved.problem,
+        coverage=solved.coverage,
+        route=route,
+        layout=layout,
+        confidence=confidence_of(solved),
+        ground=_ground_of(solved, layout),
+        detection=detection,
+        guided=solved.guided,
+        notices=tuple(notices),
     )
+    if request.order == GAIN:
+        from aosplan.planning.gain_order import GainOrder
+
+        made = GainOrder(made).plan()
+    return with_warnings(made)
 
 
 def _ground_of(solved: SolvedPlan, layout: Layout) -> GroundVisibility | None:
@@ -181,8 +187,11 @@ def _searched(
     from aosplan.planning.within import choose_flight
 
     found = loaded or load_scene(request, folder=folder, progress=progress)
-    chosen, answer = choose_flight(request, folder=folder, load=lambda _: found)
-    result = plan(chosen, folder=folder, loaded=found)
+    if request.order == GAIN:
+        result, answer = _part_by_gain(request, folder, found)
+    else:
+        chosen, answer = choose_flight(request, folder=folder, load=lambda _: found)
+        result = plan(chosen, folder=folder, loaded=found)
     limits = answer.limits(result.route.total_time_s)
     solution = result.solution._replace(limits=limits)
     return replace(
@@ -192,3 +201,36 @@ def _searched(
         notices=(*result.notices, *answer.notices),
         warnings=(*result.warnings, *answer.notices),
     )
+
+
+def _part_by_gain(
+    request: PlanRequest, folder: str, found: LoadedScene
+) -> tuple[Plan, WithinResult]:
+    """The flight with the highest probability of success within a time.
+
+    It is a flight over the whole area, or the first part of a longer one that finds more at each
+    place.  Longer flights that cannot have a higher probability are not planned.
+    """
+    from aosplan.planning.gain_order import GainOrder, most_success
+    from aosplan.planning.within import choose_flights
+
+    flights, inputs, answer = choose_flights(request, folder=folder, load=lambda _: found)
+    longest_s = math.inf if request.within is None else 60.0 * request.within
+    bounds = most_success(inputs, flights, longest_s)
+    best: GainOrder | None = None
+    refused: InfeasibleError | None = None
+    for bound, chosen in sorted(bounds, key=lambda each: each[0], reverse=True):
+        if best is not None and bound <= best.success:
+            break
+        made = plan(chosen.filled({"order": None}), folder=folder, loaded=found)
+        try:
+            order = GainOrder(made, longest_s)
+        except InfeasibleError as error:
+            refused = refused or error
+            continue
+        if best is None or order.success > best.success:
+            best = order
+    if best is None:
+        assert refused is not None
+        raise refused
+    return with_warnings(best.plan()), answer

@@ -113,6 +113,8 @@ class PlanRequest:
     clear: str | None = None
     no_fly: str | None = None
     buffer: float | None = None
+    order: str | None = None
+    poa: str | None = None
     max_sites: int | None = None
     drone: str | None = None
     speed: float | None = None

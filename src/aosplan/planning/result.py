@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from aosplan.models.measured import NoiseExpectation
     from aosplan.models.uncertainty import Uncertainty
     from aosplan.planning.confidence import Confidence
+    from aosplan.planning.gain_result import GainResult
     from aosplan.planning.guided_result import GuidedResult
     from aosplan.planning.request import PlanRequest
     from aosplan.planning.resolve import PlanInputs
@@ -70,6 +71,8 @@ class Plan:
         Result of a search within a time, or None.
     guided
         How guided positions were chosen, or None.
+    gain
+        Result of an order by gain, or None.
     notices
         Warnings of single stages of the planning, such as the readers of files, the model and the
         area.
@@ -88,6 +91,7 @@ class Plan:
     detection: Detection | None = None
     within: WithinResult | None = None
     guided: GuidedResult | None = None
+    gain: GainResult | None = None
     ground: GroundVisibility | None = None
     notices: tuple[Message, ...] = ()
     warnings: tuple[Message, ...] = ()
@@ -392,6 +396,10 @@ def plan_document(plan: Plan) -> dict[str, Any]:
     solution, camera, altitude = plan.solution, plan.camera, plan.altitude_m
     pattern, baseline = solution.pattern, solution.baseline_m
     requirement, inputs = plan.requirement, plan.inputs
+    parts = (
+        ("area", plan.layout.survey), ("continuous", plan.layout.continuous), ("gain", plan.gain),
+        ("detection", plan.detection), ("within", plan.within), ("guided", plan.guided),
+    )  # fmt: skip
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -435,15 +443,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         },
         "flight": flight_document(plan),
         "height": height_document(plan),
-        **({} if plan.layout.survey is None else {"area": plan.layout.survey.document()}),
-        **(
-            {}
-            if plan.layout.continuous is None
-            else {"continuous": plan.layout.continuous.document()}
-        ),
-        **({} if plan.detection is None else {"detection": plan.detection.document()}),
-        **({} if plan.within is None else {"within": plan.within.document()}),
-        **({} if plan.guided is None else {"guided": plan.guided.document()}),
+        **{name: part.document() for name, part in parts if part is not None},
         "limits": [limit._asdict() for limit in plan.limits],
         "sensitivity": [change._asdict() for change in plan.sensitivity] or None,
         "warnings": [warning._asdict() for warning in plan.warnings],

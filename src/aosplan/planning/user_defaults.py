@@ -21,7 +21,18 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 FILE_OPTIONS = (
-    *("area", "camera", "clear", "crop", "drone", "no_fly", "scene", "terrain", "trajectory"),
+    *(
+        "area",
+        "camera",
+        "clear",
+        "crop",
+        "drone",
+        "no_fly",
+        "poa",
+        "scene",
+        "terrain",
+        "trajectory",
+    ),
 )
 """Options whose value may be the name of a file."""
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import InfeasibleError
 from aosplan.planning.shape_space import MOST_ROWS
@@ -33,12 +33,19 @@ if TYPE_CHECKING:
     from aosplan.messages import Message
     from aosplan.planning.loaded_scene import LoadedScene
     from aosplan.planning.request import PlanRequest
+    from aosplan.planning.resolve import PlanInputs
     from aosplan.planning.within_shapes import TimedFlight, Way
 
 GAIN = 0.005
 """A search without a given time ends when twice the time improves the objective by less than this,
 relative to its value.
 """
+
+MULTIPLES = (1.5, 2.0, 3.0, 4.5, 7.0, 10.0)
+"""Multiples of the time for whose best flights the first part is considered."""
+
+LARGER = (15.0, 25.0, 40.0, 70.0)
+"""Multiples that are tried one after the other if there is no flight within the smaller ones."""
 
 CURVE = (0.5, 0.7, 1.0, 1.4, 2.0)
 """The best plans within these multiples of the time are reported."""
@@ -70,18 +77,72 @@ def choose_flight(
     InfeasibleError
         If no flight within the time is possible, or if no such flight reaches the target.
     """
-    asked = request
-    assumed: tuple[Message, ...] = ()
-    if request.trigger != "stop" and request.photo_interval is None:
-        request = replace(request, photo_interval=PHOTO_INTERVAL_S)
-        assumed = (interval_assumed(),)
     search = WithinSearch(request, folder, load)
-    longest_s = search.enough_s() if request.within is None else 60.0 * request.within
+    longest_s = search.longest_s()
+    search.best(2.0 * longest_s)  # It may fit into the shorter times, too.
     chosen = search.best(longest_s)
     if chosen is None:
         raise search.refusal(longest_s)
     if request.within is None and request.optimize == "time":
         longest_s = chosen.time_s
+    return request_for(search.request, chosen.candidate), _answer(search, longest_s, chosen)
+
+
+class WholeFlight(NamedTuple):
+    """A flight over a whole area: its request, probability of detection and time."""
+
+    request: PlanRequest
+    probability: float
+    time_s: float
+
+
+def choose_flights(
+    request: PlanRequest, *, folder: str = "", load: Callable[[PlanRequest], LoadedScene]
+) -> tuple[list[WholeFlight], PlanInputs, WithinResult]:
+    """The best flights over a whole area within the time of a request and within multiples of it.
+
+    The first part of a longer flight may find more within the time than a flight over the whole
+    area (`aosplan.planning.gain_order`).
+
+    Parameters
+    ----------
+    request, folder, load
+        As in `choose_flight`.
+
+    Returns
+    -------
+    flights, inputs, answer
+        The flights, by increasing time; inputs of a plan over the area; and the results of the
+        search within the time.
+
+    Raises
+    ------
+    RequestError, InfeasibleError
+        As in `choose_flight`, if there is not even a longer flight.
+    """
+    search = WithinSearch(request, folder, load)
+    longest_s = search.longest_s()
+    found = {1.0: search.best(longest_s)}
+    if request.within is not None and request.optimize == "detection":
+        found |= {part: search.best(part * longest_s) for part in MULTIPLES}
+        for part in LARGER:
+            if all(timed is None for timed in found.values()):
+                found[part] = search.best(part * longest_s)
+    flights = [
+        WholeFlight(
+            request_for(search.request, timed.candidate), search.probability(timed), timed.time_s
+        )
+        for timed in {id(timed): timed for timed in found.values()}.values()
+        if timed is not None
+    ]
+    if not flights:
+        raise search.refusal(longest_s)
+    return flights, search.levels[0].inputs, _answer(search, longest_s, found[1.0])
+
+
+def _answer(search: WithinSearch, longest_s: float, chosen: TimedFlight | None) -> WithinResult:
+    """The results of a search."""
+    assumed = search.assumed
     best = {0.5: search.best(0.5 * longest_s), 1.0: chosen, 2.0: search.best(2.0 * longest_s)}
     rows = tuple(
         WithinRow(part * longest_s / 60.0, None)
@@ -90,10 +151,11 @@ def choose_flight(
         for part, timed in best.items()
     )
     curve = tuple(search.point(part * longest_s, best.get(part)) for part in CURVE)
-    if search.most_samples <= chosen.candidate.shape.samples + MOST_ROWS:
-        assumed = (*assumed, samples_bounded(search.most_samples))
-    answer = WithinResult(
-        asked,
+    most = search.most_samples
+    if chosen is not None and most <= chosen.candidate.shape.samples + MOST_ROWS:
+        assumed = (*assumed, samples_bounded(most))
+    return WithinResult(
+        search.asked,
         longest_s / 60.0,
         rows,
         tuple(point for point in curve if point is not None),
@@ -101,7 +163,6 @@ def choose_flight(
         sum(len(level.timed) for level in search.levels),
         assumed,
     )
-    return request_for(request, chosen.candidate), answer
 
 
 class WithinSearch:
@@ -110,7 +171,13 @@ class WithinSearch:
     def __init__(
         self, request: PlanRequest, folder: str, load: Callable[[PlanRequest], LoadedScene]
     ) -> None:
+        self.asked = request
+        self.assumed: tuple[Message, ...] = ()
+        if request.trigger != "stop" and request.photo_interval is None:
+            request = replace(request, photo_interval=PHOTO_INTERVAL_S)
+            self.assumed = (interval_assumed(),)
         self.request = request
+        self._found: dict[tuple[float, int], TimedFlight | None] = {}
         ways: dict[float, list[Way]] = {}
         for way in ways_of(request, folder, load):
             ways.setdefault(way.altitude_m, []).append(way)
@@ -127,7 +194,17 @@ class WithinSearch:
     def best(self, longest_s: float, tries: int = LAID_OUT) -> TimedFlight | None:
         """The best flight within `longest_s`, planned completely; None if no flight that was tried
         is possible.
+
+        The best flight within a longer time is also the best within this time if it fits.
         """
+        for (known_s, known_tries), timed in self._found.items():
+            fits = timed is not None and timed.time_s <= longest_s <= known_s
+            if fits and known_tries == tries:
+                return timed
+        self._found[longest_s, tries] = found = self._searched(longest_s, tries)
+        return found
+
+    def _searched(self, longest_s: float, tries: int) -> TimedFlight | None:
         best: TimedFlight | None = None
         for level in self.levels:
             if best is not None and not self._may_be_better(level, best):
@@ -157,6 +234,15 @@ class WithinSearch:
         altitude_m = timed.candidate.way.altitude_m
         (level,) = (level for level in self.levels if level.altitude_m == altitude_m)
         return level.counted(timed)
+
+    def probability(self, timed: TimedFlight) -> float:
+        """Probability of detection of a flight; 1 if it is not the objective."""
+        return self.value(timed) if self.request.optimize == "detection" else 1.0
+
+    def longest_s(self) -> float:
+        """The time of the request, or the time at which more time gains almost nothing."""
+        within = self.request.within
+        return self.enough_s() if within is None else 60.0 * within
 
     def enough_s(self) -> float:
         """The time from which on twice the time improves the objective only slightly."""

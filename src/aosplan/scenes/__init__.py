@@ -21,4 +21,5 @@
 - `aosplan.scenes.plates`: cells that rays meet in slices of plates.
 - `aosplan.scenes.sampled_targets`: occlusion of a sample of the targets.
 - `aosplan.scenes.plot_frame`: conversion of positions to the axes of a plot with a location.
+- `aosplan.scenes.local_canopy`: the density of the canopy above each place.
 """

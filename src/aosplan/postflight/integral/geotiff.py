@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from aosplan.maps import geotiff
+from aosplan.areas import geotiff
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -85,6 +85,7 @@ def report_page(
     from aosplan.show.figures.grid import grid_of
     from aosplan.show.page.charts import charts_of
     from aosplan.show.page.detection_curve import detection_curve
+    from aosplan.show.page.gain_curve import gain_curve
     from aosplan.show.page.height_profile import profile_of
     from aosplan.show.page.map_data import packed_columns, scenery_of
     from aosplan.show.page.number_text import NumberFormatter, long, short, spacing
@@ -127,6 +128,7 @@ def report_page(
         charts=charts_of(plan),
         detection=detection_curve(plan),
         within=within_curve(plan),
+        gain=gain_curve(plan),
         search=search_map(detection_map, success),
         guided=[] if plan.guided is None else guided_texts(plan.guided),
         positions=position_map(

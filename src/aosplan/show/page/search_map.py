@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from aosplan.areas.ground_cells import GroundCells
     from aosplan.maps.coverage_map import CoverageMap
     from aosplan.maps.detection_map import DetectionMap, SearchSuccess
-    from aosplan.maps.ground_cells import GroundCells
     from aosplan.maps.reciprocal_map import ReciprocalMap
 
 WIDTH = 640.0

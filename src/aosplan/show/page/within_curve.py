@@ -48,6 +48,8 @@ def within_curve(plan: Plan) -> WithinCurve | None:
     answer = plan.within
     if answer is None or answer.asked.optimize not in SHARES or len(answer.curve) < 2:
         return None
+    if plan.gain is not None:  # The plan is not one of the flights over the whole area.
+        return None
     curve = [(time_s / 60.0, value) for time_s, value in answer.curve]
     _, this, _ = answer.rows
     assert this.timed is not None

@@ -10,6 +10,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from aosplan.planning.option_parsers import PERSON
+from aosplan.show.text.gain_rows import gain_rows
 from aosplan.units import duration, percent
 
 if TYPE_CHECKING:
@@ -173,11 +174,19 @@ OBJECTIVE_TEXTS = {
 """Text of each objective in the table."""
 
 
-def within_rows(answer: WithinResult) -> Iterator[tuple[str, str]]:
-    """Yield heading and text of each row."""
+def search_rows(plan: Plan) -> Iterator[tuple[str, str]]:
+    """Yield heading and text of the rows about an order by gain, and about the best plans."""
+    if plan.gain is not None:
+        yield from gain_rows(plan.gain)
+    if plan.within is not None:
+        yield from within_rows(plan.within, "Within" if plan.gain is None else "Whole area")
+
+
+def within_rows(answer: WithinResult, heading: str = "Within") -> Iterator[tuple[str, str]]:
+    """Yield heading and text of each row.  The first row has the given heading."""
     for index, row in enumerate(answer.rows):
         first, second = row_text(row, answer.asked.optimize)
-        yield "Within" if index == 0 else "", first
+        yield heading if index == 0 else "", first
         if second:
             yield "", second
 
@@ -229,11 +238,13 @@ def guided_texts(guided: GuidedResult) -> list[str]:
 def plain_text(flight: PlainFlight) -> str:
     """Short description of a plain grid with the same flight time."""
     how = "while flying" if flight.trigger == "distance" else "at stops"
-    shape = (
-        f"Line of {flight.columns}"
-        if flight.rows == 1
-        else f"Lanes of {flight.rows} x {flight.columns}"
-    )
+    pattern = flight.pattern
+    shape = {
+        "line": f"Line of {pattern.columns}",
+        "lanes": f"Lanes of {pattern.rows} x {pattern.columns}",
+        "square": f"Square of {pattern.rows} x {pattern.columns}",
+        "trimmed": f"Trimmed grid of {pattern.samples}",
+    }[flight.kind]
     return (
         f"{shape} {how}, {flight.time_s / 60.0:.1f} min: V = "
         f"{percent(flight.prediction.expected)}; {percent(flight.unseen_share)} of the area is in no photo."

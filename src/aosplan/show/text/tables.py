@@ -181,7 +181,7 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         yield "Visibility", "V = 100 %, because nothing is hidden"
     if plan.detection is not None:
         yield from plan_rows.detection_rows(plan)
-    yield from (() if plan.within is None else plan_rows.within_rows(plan.within))
+    yield from plan_rows.search_rows(plan)
     yield from (() if plan.guided is None else plan_rows.guided_rows(plan.guided))
     yield "", ""
     yield from _camera_rows(plan)

@@ -21,15 +21,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aosplan.maps.photo_sets import along_and_across
+from aosplan.areas.photo_sets import along_and_across
 from aosplan.models.detection import DetectionModel
 from aosplan.models.target_window import Target
 from aosplan.planning.plan_detection import CLEAR, find_of, slices_of
+from aosplan.scenes.local_canopy import LocalCanopy, local_canopy
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from aosplan.maps.photo_sets import PhotoSets
+    from aosplan.areas.ground_cells import GroundCells
+    from aosplan.areas.photo_sets import PhotoSets
     from aosplan.planning.result import Plan
     from aosplan.scenes.scene import Layer
 
@@ -125,6 +127,13 @@ class PlaceDetection:
             above = self._at(high, set_m) if share[same].max() > 0.0 else 0.0
             found[seen[same]] = (1.0 - share[same]) * below + share[same] * above
         return found
+
+    def found_at(self, place_m: Floats, points_m: Floats) -> float:
+        """Probability of detection at a place below the mean canopy, with photos from some
+        positions.
+        """
+        set_m = self._in_axes(points_m) - self._in_axes(place_m[None])
+        return self._at(1.0, set_m)
 
     def _features(self, sets: PhotoSets, places: Floats, points: Floats) -> Floats:
         """Features of each place that determine detection: number, spread and mean distance of its
@@ -229,3 +238,27 @@ def scaled(layers: tuple[Layer, ...], depth: float) -> tuple[Layer, ...]:
         layer._replace(density=min(-math.expm1(depth * math.log1p(-layer.density)), 0.999))
         for layer in layers
     )
+
+
+def canopy_over(plan: Plan, cells: GroundCells) -> LocalCanopy | None:
+    """The canopy above cells, if the plan's scene has a location."""
+    volume = plan.volume
+    if volume is None or volume.place is None or plan.origin is None:
+        return None
+    return local_canopy(
+        volume,
+        cells.middles_m,
+        plan.origin,
+        altitude_m=plan.altitude_m,
+        footprint_m=max(plan.inputs.footprint_m),
+        focal_height_m=plan.inputs.focal_height_m,
+    )
+
+
+def relative_depth(canopy: LocalCanopy | None) -> Floats | None:
+    """Optical depth of the canopy above places, divided by that of the whole stand; 1 if it is not
+    known.
+    """
+    if canopy is None or canopy.mean_depth == 0.0:
+        return None
+    return np.nan_to_num(canopy.depth / canopy.mean_depth, nan=1.0)

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.errors import RequestError, needs_extra
-from aosplan.maps.detection_map import SearchSuccess
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from aosplan.maps.detection_map import DetectionMap
+    from aosplan.areas.ground_cells import GroundCells
 
     Floats = NDArray[np.float64]
 
@@ -25,22 +24,30 @@ MOST_PIXELS = 25_000_000
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
-def success_of(found: DetectionMap, path: str) -> SearchSuccess:
-    """Compute the probability of success of a search, with a prior from a GeoTIFF.
+def prior_shares(cells: GroundCells, origin: tuple[float, float], path: str) -> Floats:
+    """The probability that the target is in each cell of the ground.
 
     Parameters
     ----------
-    found
-        Map of the probability of detection.
+    cells
+        The cells.
+    origin
+        Latitude and longitude of their origin.
     path
         Path of the prior: a raster with one band of values that are at least 0, and with a
         coordinate reference system.
 
+    Returns
+    -------
+    shares
+        Shape (cells,); 0 for cells outside the ground of interest.  The sum is the probability that
+        the target is on this ground (POA).
+
     Raises
     ------
     RequestError
-        If the raster cannot be read, if it has no location, or if its values cannot be
-        probabilities.
+        If the raster cannot be read, if it has no location, if its values cannot be probabilities,
+        or if they are 0 on the ground of interest.
     MissingExtraError
         If rasterio is not installed.
     """
@@ -61,9 +68,9 @@ def success_of(found: DetectionMap, path: str) -> SearchSuccess:
                 crs = crs_of_wkt(raster.crs.to_wkt(), f"raster {path}")
         except RasterioError as error:
             raise RequestError(f"raster {path} cannot be read: {error}") from None
-    change = transformer(local_crs(*found.origin), crs)
-    inside = found.cells.inside_rows
-    east, north = found.cells.middles_m[inside].T
+    change = transformer(local_crs(*origin), crs)
+    inside = np.flatnonzero(cells.inside_rows)
+    east, north = cells.middles_m[inside].T
     x, y = change.transform(east, north)
     column, row = (np.asarray(each) for each in ~transform * (np.asarray(x), np.asarray(y)))
     rows, columns = values.shape
@@ -71,12 +78,18 @@ def success_of(found: DetectionMap, path: str) -> SearchSuccess:
     column, row = column[known].astype(np.int64), row[known].astype(np.int64)
     # Each cell gets the share of a pixel's probability that corresponds to its share of the pixel's
     # area.
-    back = transformer(crs, local_crs(*found.origin))
-    part = found.cells.cell_m**2 / _areas(transform, back, column, row)
-    share = np.zeros(len(east))
-    share[known] = values[row, column] * part
-    share *= 1.0 / max(float(share.sum()), 1.0)
-    return SearchSuccess(float(share.sum()), float(share @ found.probability[inside]))
+    back = transformer(crs, local_crs(*origin))
+    part = cells.cell_m**2 / _areas(transform, back, column, row)
+    shares = np.zeros(cells.inside.size)
+    shares[inside[known]] = values[row, column] * part
+    total = float(shares.sum())
+    if not total > 0.0:
+        raise RequestError(
+            f"raster {path} has no probability on the ground of the plan",
+            "check its coordinate system and its extent, for example with gdalinfo",
+        )
+    shares *= 1.0 / max(total, 1.0)
+    return shares
 
 
 def _values(raster: Any, path: str) -> Floats:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from aosplan.areas.geotiff import geotiff_bytes
 from aosplan.geodesy import local_crs
-from aosplan.maps.geotiff import geotiff_bytes
 from aosplan.numerics import heading_axis, turned
 
 if TYPE_CHECKING:
