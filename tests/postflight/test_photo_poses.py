@@ -414,6 +414,35 @@ def test_many_low_photos_are_not_a_climb(folder):
     assert len(read(folder / "photos").views) == 13
 
 
+@pytest.mark.parametrize(
+    ("before_m", "after_m", "left"),
+    [
+        ([1.0, 4.0, 9.0], [], 9),
+        ([2.0, 8.0], [13.0, 6.0], 9),
+        ([], [12.0, 5.0, 1.0], 9),
+        ([9.0, 4.0, 1.0], [], 12),
+        ([], [2.0, 8.0, 12.0], 12),
+    ],
+)
+def test_a_long_climb_and_descent_are_left_out(folder, before_m, after_m, left):
+    fly(folder / "photos", count=9)
+    for prefix, heights in (("A", before_m), ("Z", after_m)):
+        for index, up_m in enumerate(heights):
+            path = folder / "photos" / f"{prefix}_{index}.jpg"
+            write_photo(path, (0.0, 0.0, up_m), (0.0, -90.0, 0.0))
+    assert len(read(folder / "photos").views) == left
+
+
+def test_photos_of_another_size_are_named(folder):
+    fly(folder / "photos", count=4)
+    assert "sizes" not in said(folder / "photos")
+    small = Image.new("L", (WIDTH // 2, HEIGHT // 2))
+    write_photo(folder / "photos" / "small.jpg", (1.0, 1.0, 30.0), (0.0, -90.0, 0.0), image=small)
+    assert said(folder / "photos")["sizes"].startswith(
+        f"1 of 5 photos do not have the usual size of {WIDTH} x {HEIGHT} pixels: small.jpg;"
+    )
+
+
 @pytest.mark.parametrize("nodata", ["-9999", "nan"])
 def test_missing_values_of_radiometric_tiffs_do_not_count(folder, nodata):
     fly(folder / "photos", count=4)

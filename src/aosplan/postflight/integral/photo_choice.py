@@ -16,6 +16,8 @@ from aosplan.postflight.photo_positions import copies_of, photo_places
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
 
+    from numpy.typing import NDArray
+
     from aosplan.postflight.positions_file import Place
 
 LEVEL_DEG = -30.0
@@ -119,7 +121,21 @@ def _low(tags: Mapping[str, PhotoMetadata], places: Mapping[str, Place]) -> list
         for name in tags
     ]
     above = np.array([np.nan if height is None else height for height in heights])
-    return _few(list(tags), above < LOW * np.median(above))
+    low = above < LOW * np.median(above)
+    few = _few(list(tags), low)
+    return few or [name for name, is_low in zip(tags, _is_climb(above, low), strict=True) if is_low]
+
+
+def _is_climb(above_m: NDArray[np.float64], low: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which low photos are at the beginning and rise from photo to photo, or are at the end and
+    sink.  If any other photo is low, none is: the flight then has two heights.
+    """
+    flown = np.flatnonzero(~low)
+    first, last = flown[0], flown[-1]
+    climb = np.zeros_like(low)
+    climb[:first] = bool((np.diff(above_m[: first + 1]) > 0.0).all())
+    climb[last + 1 :] = bool((np.diff(above_m[last:]) < 0.0).all())
+    return climb if (climb == low).all() else np.zeros_like(low)
 
 
 def _few(names: list[str], are_wrong: Collection[bool]) -> list[str]:

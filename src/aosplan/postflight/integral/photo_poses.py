@@ -122,7 +122,7 @@ def read_photo_poses(
     turned, said = _rotations(folder, known, plan)
     messages += said
     lenses, said = _lenses(folder, known, camera, plan)
-    messages += said
+    messages += [*said, *_sizes(known)]
     views = []
     for index, name in enumerate(names):
         if pixels_of(folder, name) != name and pixels_of(folder, name) in known:
@@ -344,6 +344,23 @@ def _lenses(
             "camera",
             f"{len(lacking)} photos have no focal length, so the camera of the plan is used: "
             f"{plan.camera}",
+        )
+    ]
+
+
+def _sizes(tags: Mapping[str, PhotoMetadata]) -> list[Message]:
+    """Warning about photos of another size than most photos."""
+    sizes = [tag.size_px for tag in tags.values()]
+    usual = max(sizes, key=sizes.count)
+    others = [name for name, size in zip(tags, sizes, strict=True) if size != usual]
+    if not others:
+        return []
+    return [
+        Message(
+            "sizes",
+            f"{len(others)} of {len(sizes)} photos do not have the usual size of "
+            f"{usual[0]} x {usual[1]} pixels: {named(others)}; if they were cropped or scaled, their "
+            "tags may describe the original photo",
         )
     ]
 
