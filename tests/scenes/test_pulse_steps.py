@@ -297,7 +297,7 @@ def test_wrongly_grouped_pulses_do_not_change_the_sensor_track():
     assert np.abs(at.at(found.time_s[pulses.first]) - sensor).max() < 1.0
 
 
-@pytest.mark.parametrize("contrast", [0.9, 1.07, 1.25])
+@pytest.mark.parametrize("contrast", [1.07, 1.25])
 def test_the_contrast_is_found_from_pulses_that_were_not_used(contrast):
     """The true optical depths are a power of the predicted ones, which have a wrong scale as well."""
     rng = np.random.default_rng(8)
@@ -313,6 +313,15 @@ def test_the_contrast_is_found_from_pulses_that_were_not_used(contrast):
     for part in (plain < 0.05, plain > 1.5):
         error = np.sqrt(passed[part].var() / np.count_nonzero(part))
         assert abs(np.exp(-scaled[part]).mean() - passed[part].mean()) < 3.0 * error + 0.003
+
+
+def test_the_contrast_of_noisy_depths_is_not_below_1():
+    rng = np.random.default_rng(9)
+    true = np.full(2000, 1.0)
+    noisy = true * rng.lognormal(0.0, 1.0, true.size)
+    passed = (rng.standard_exponential(true.size) > true).astype(np.float64)
+    depths = np.stack([noisy, noisy**attenuation.OTHER_CONTRAST])
+    assert attenuation.best_contrast(depths, passed) == 1.0
 
 
 def test_contrast_multiplies_columns_by_a_power_of_their_depth():

@@ -55,8 +55,13 @@ strength for voxels is chosen.
 
 SCALES = (0.02, 50.0)
 
-CONTRASTS = (0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4)
+CONTRASTS = (0.9, 1.0, 1.1, 1.2, 1.3, 1.4)
 """Exponents γ for which the likelihood is computed."""
+
+LEAST_CONTRAST = 1.0
+"""Smallest exponent that is used. If λ is very uncertain, a smaller exponent would predict single
+pulses better, but columns would then be too similar.
+"""
 
 OTHER_CONTRAST = 1.2
 """Exponent for which optical depths are computed in addition to those for 1."""
@@ -254,7 +259,7 @@ def best_contrast(depths: Floats, passed: Floats) -> float:
     Returns
     -------
     float
-        The contrast, between the first and the last of `CONTRASTS`.
+        The contrast, between `LEAST_CONTRAST` and the last of `CONTRASTS`.
     """
     every = -(-passed.size // JUDGING_PULSES)
     depths, passed = depths[:, ::every], passed[::every]
@@ -269,8 +274,9 @@ def best_contrast(depths: Floats, passed: Floats) -> float:
     values = np.array([likelihood(each) for each in CONTRASTS])
     best = int(np.argmax(values))
     if best in (0, len(values) - 1):
-        return CONTRASTS[best]
+        return max(CONTRASTS[best], LEAST_CONTRAST)
     # The maximum of the parabola through the best value and its neighbours.
     before, here, after = values[best - 1 : best + 2]
     step = CONTRASTS[best] - CONTRASTS[best - 1]
-    return float(CONTRASTS[best] + 0.5 * step * (after - before) / (2.0 * here - before - after))
+    moved = 0.5 * step * float((after - before) / (2.0 * here - before - after))
+    return max(CONTRASTS[best] + moved, LEAST_CONTRAST)
