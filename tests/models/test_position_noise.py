@@ -298,7 +298,7 @@ def test_a_plan_with_noise_meets_its_target_with_the_fewest_samples():
     assert reaches == [found.pattern.samples]
     assert found.samples_required == found.pattern.samples > 50
     assert found.met
-    assert "hold error" in found.limits[0].message
+    assert "--hold-error" in found.limits[0].message
 
 
 @pytest.mark.parametrize("model", ["uniform", "layered"])

@@ -179,5 +179,5 @@ def test_half_an_inventory_on_the_command_line_is_named(missing):
     del names[missing]
     with pytest.raises(RequestError, match=f"needs --{missing.replace('_', '-')}"):
         PlanRequest(altitude=40, **names)
-    with pytest.raises(RequestError, match="without a density"):
+    with pytest.raises(RequestError, match="needs a density or --stems-per-hectare"):
         PlanRequest(altitude=40, crown_diameter=5.0)
