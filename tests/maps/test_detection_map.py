@@ -219,6 +219,7 @@ def test_success_is_the_sum_of_detection_times_prior(tmp_path, over_field):
     ("values", "profile", "message"),
     [
         (np.full((2, 2), -1.0), {}, "which is not a probability"),
+        (np.array([[1.0, np.inf]]), {}, "contains inf, which is not a probability"),
         (np.zeros((2, 2)), {}, "zero everywhere"),
         (np.pad([[1.0]], ((9, 0), (0, 9))), {}, "has no probability on the ground of the plan"),
         (np.ones((2, 2)), {"crs": None}, "has no coordinate system"),

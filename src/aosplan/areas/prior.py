@@ -111,10 +111,11 @@ def _values(raster: Any, path: str) -> Floats:
             "crop it to the search area, or use larger pixels",
         )
     values = raster.read(1, masked=True).astype(np.float64).filled(0.0)
-    values = np.nan_to_num(values, nan=0.0)
+    values[np.isnan(values)] = 0.0
     least, total = float(values.min()), float(values.sum())
     if least < 0.0 or not np.isfinite(total):
-        raise RequestError(f"raster {path} contains {least:g}, which is not a probability")
+        wrong = least if least < 0.0 else float(values.max())
+        raise RequestError(f"raster {path} contains {wrong:g}, which is not a probability")
     if total == 0.0:
         raise RequestError(
             f"raster {path} is zero everywhere, so there is no place at which the target is "
