@@ -119,14 +119,14 @@ def test_no_modules_import_each_other_in_a_circle():
     assert list(left) == []
 
 
-def test_the_package_holds_the_chapters_and_the_root_modules_alone():
+def test_the_package_contains_only_the_chapters_and_the_root_modules():
     modules = {path.stem for path in SOURCE.glob("*.py")} - {"__init__", "__main__"}
     assert modules == set(ROOT)
     folders = {path.name for path in SOURCE.iterdir() if (path / "__init__.py").exists()}
     assert folders == {name for line in CHAPTERS for name in line}
 
 
-def test_no_package_or_root_module_bears_the_name_of_a_public_function():
+def test_no_package_or_root_module_has_the_name_of_a_public_function():
     # Importing a submodule sets an attribute with its name in its package.
     names = {module.split(".")[1] for module in MODULES if module not in FACES}
     assert not names & {*aosplan.__all__}

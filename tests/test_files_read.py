@@ -74,7 +74,7 @@ def test_unusual_names_are_quoted_in_the_same_way_by_every_reader(
 
 
 @pytest.mark.parametrize("error", [errno.EACCES, errno.EIO])
-def test_a_file_that_cannot_be_read_is_the_machine_s_fault(folder, monkeypatch, error):
+def test_an_unreadable_file_is_reported_as_an_error_of_the_machine(folder, monkeypatch, error):
     monkeypatch.setattr("builtins.open", refusing(error))
     with pytest.raises(SurroundingsError) as caught:
         read_bytes("a.toml")

@@ -69,7 +69,7 @@ def test_a_broken_distribution_is_named(distribution, capsys):
     assert "Traceback" not in said
 
 
-def test_the_drone_file_of_the_how_to(tmp_path, capsys):
+def test_the_drone_file_in_the_how_to_page_can_be_used(tmp_path, capsys):
     path = tmp_path / "mine.toml"
     path.write_text(blocks("toml")[0])
     drone = find_drone(str(path))

@@ -142,7 +142,7 @@ def test_positive_takes_the_smallest_float():
 
 
 @pytest.mark.parametrize("value", [-1, "-1", "-1e-300"])
-def test_at_least_zero_refuses_what_is_below(value):
+def test_at_least_zero_refuses_negative_values(value):
     assert "is below zero" in refusal(q.at_least_zero, value, "x").message
 
 
@@ -152,7 +152,7 @@ def test_at_least_zero_has_no_negative_zero(value):
 
 
 @pytest.mark.parametrize(("value", "whole"), [(1, 1), ("7", 7), (50.0, 50), ("5e1", 50)])
-def test_whole_numbers(value, whole):
+def test_whole_numbers_in_any_notation_are_returned_as_int(value, whole):
     result = q.whole(value, "x")
     assert result == whole
     assert type(result) is int
@@ -240,7 +240,7 @@ def test_a_place_is_latitude_then_longitude(value):
 
 
 @pytest.mark.parametrize("value", ["90,180", "-90,-180", "0,0", (90, -180)])
-def test_the_edges_of_the_earth_belong_to_it(value):
+def test_latitudes_of_90_and_longitudes_of_180_are_accepted(value):
     latitude, longitude = q.latitude_longitude(value, "--origin")
     assert abs(latitude) in (0, 90)
     assert abs(longitude) in (0, 180)

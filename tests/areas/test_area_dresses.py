@@ -235,7 +235,7 @@ def test_damaged_and_misnamed_vector_files_give_one_error(written):
         read_outline(written(b"SQLite format 3\0", "a.geojson"))
 
 
-def test_without_the_extra_it_is_named(written, monkeypatch):
+def test_without_the_optional_dependency_the_error_names_it(written, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyogrio", None)
     with pytest.raises(MissingExtraError, match="'vector'"):
         read_outline(written(gpx(RING), "a.gpx"))

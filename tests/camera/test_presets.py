@@ -77,7 +77,7 @@ def test_the_focal_length_is_that_of_calibrated_cameras(name, calibrated_px):
     assert focal_px == pytest.approx(calibrated_px, rel=CALIBRATION_TOLERANCE)
 
 
-def test_focal_lengths_that_the_images_record_in_pixels():
+def test_focal_lengths_of_presets_equal_those_in_photo_metadata():
     """The focal lengths equal CalibratedFocalLength in the XMP of photos of the two mapping drones."""
     for name, recorded_px in (("dji-phantom-4-pro", 3666.666504), ("dji-m3e-wide", 3725.151611)):
         camera = CAMERAS[name]

@@ -26,7 +26,7 @@ def words(*line):
     return [word for word, _ in candidates(line, GROUP)]
 
 
-def test_commands_and_options_of_the_program():
+def test_completion_offers_commands_and_options_of_the_program():
     assert words("") == [*COMMANDS, *words("--")]
     assert words("--") == ["--version", "--install-completion", "--show-completion", "--help"]
     assert words("sce") == ["scene", "scenes"]
@@ -66,7 +66,7 @@ def test_options_that_were_given_are_not_offered_again():
     ],
     ids=" ".join,
 )
-def test_presets_and_choices(line, known):
+def test_completion_offers_presets_and_choices(line, known):
     assert sorted(words(*line)) == sorted(known)
 
 
@@ -172,7 +172,9 @@ def test_the_completion_module_is_loaded_only_on_request():
         ("", "", [*COMMANDS, "--version", "--install-completion", "--show-completion", "--help"]),
     ],
 )
-def test_bash_receives_the_part_after_its_last_word_break(files, line, breaks, replies):
+def test_completion_for_bash_returns_the_part_after_the_last_word_break(
+    files, line, breaks, replies
+):
     asked = {"AOSPLAN_COMPLETE": "bash", "COMP_LINE": line, "COMP_WORDBREAKS": breaks}
     done = process(**asked)
     assert (done.returncode, done.stderr) == (0, b"")
@@ -261,7 +263,7 @@ def needs(shell):
         for number, case in enumerate(CASES)
     ],
 )
-def test_bash_and_zsh_complete_words(program, files, shell, line, wanted):
+def test_completion_works_in_bash_and_zsh(program, files, shell, line, wanted):
     command, begin = SHELLS[shell]
     wanted = wanted.replace(" ", "\\ ")[len(line.split()[-1]) :]  # the part that the shell adds
     source = [*begin, f"source {script(shell, files)}"]
@@ -270,7 +272,7 @@ def test_bash_and_zsh_complete_words(program, files, shell, line, wanted):
 
 @needs("fish")
 @pytest.mark.parametrize(("line", "wanted"), CASES, ids=[line for line, _ in CASES])
-def test_fish_completes(program, files, line, wanted):
+def test_completion_works_in_fish(program, files, line, wanted):
     code = f"source {script('fish', files)}; complete -C '{line}'"
     done = subprocess.run(
         ["fish", "--no-config", "-c", code], check=True, capture_output=True, text=True
@@ -347,7 +349,7 @@ def test_powershell_receives_utf8_with_any_system_encoding(tmp_path):
 
 
 @pytest.mark.skipif(shutil.which("pwsh") is None, reason="no pwsh")
-def test_powershell_completes(files):
+def test_completion_works_in_powershell(files):
     code = f". '{script('powershell', files)}'; (TabExpansion2 'aosplan plan --scene boreal').CompletionMatches.CompletionText"
     found = subprocess.run(
         ["pwsh", "-NoProfile", "-Command", code], check=True, capture_output=True, text=True

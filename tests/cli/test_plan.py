@@ -74,7 +74,7 @@ def test_flags_override_a_request_file(folder, document):
     assert result["scene"]["name"] == "savanna"
 
 
-def test_files_that_a_request_names_are_looked_for_beside_it(folder, document):
+def test_files_named_in_a_request_are_found_in_its_folder(folder, document):
     (folder / "sub").mkdir()
     (folder / "sub" / "stand.toml").write_text(
         'name = "beside"\ndensity = 0.01\noccluder_size_m = 0.2\n'
@@ -84,7 +84,7 @@ def test_files_that_a_request_names_are_looked_for_beside_it(folder, document):
     assert document("plan", "sub/r.toml")["scene"]["name"] == "beside"
 
 
-def test_a_camera_that_a_request_names_is_looked_for_beside_it(folder, document):
+def test_a_camera_file_named_in_a_request_is_found_in_its_folder(folder, document):
     (folder / "sub").mkdir()
     camera = {"name": "beside", "focal_length_mm": 9.1, "sensor_width_mm": 7.68}
     camera |= {"sensor_height_mm": 6.144, "image_width_px": 640, "image_height_px": 512}
@@ -113,7 +113,7 @@ def test_a_saved_plan_over_an_area_as_request_gives_the_same_plan(folder, docume
     assert document("plan", "again.json") == first
 
 
-def test_areas_that_a_request_names_are_looked_for_beside_it(folder, document):
+def test_area_files_named_in_a_request_are_found_in_its_folder(folder, document):
     (folder / "sub").mkdir()
     (folder / "sub" / "field.geojson").write_bytes((AREAS / "field.geojson").read_bytes())
     (folder / "sub" / "r.toml").write_text('altitude = 40\nvhat = 0.9\narea = "field.geojson"\n')
@@ -177,7 +177,7 @@ def test_grids_have_at_least_the_required_samples(plan_of, kind, rows, columns, 
 
 
 @pytest.mark.parametrize("objective", ["samples", "aperture", "time"])
-def test_objectives_are_the_best_of_all(plan_of, objective):
+def test_each_objective_gives_the_smallest_value_of_its_quantity(plan_of, objective):
     measure = {
         "samples": lambda r: r["samples"],
         # The extent is at most 1 % larger than the smallest one. This is accepted to save samples.

@@ -28,7 +28,7 @@ def test_plan_tables_fit_in_80_columns(command, scene, camera):
     assert all(line == line.rstrip() for line in out.splitlines())
 
 
-def test_every_camera_and_scene_plans(document):
+def test_a_plan_can_be_computed_with_every_camera_and_scene(document):
     for camera in CAMERAS:
         assert document("plan", "--altitude=90", f"--camera={camera}")["camera"]["name"] == camera
     for scene in SCENES:

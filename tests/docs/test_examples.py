@@ -37,7 +37,7 @@ def test_example_scripts_run(script, capsys):
     ],
     ids=["request", "scene", "camera"],
 )
-def test_example_files_plan(arguments):
+def test_a_plan_can_be_computed_from_every_example_file(arguments):
     assert run(["plan", *arguments, "--quiet"]) == 0
 
 

@@ -96,14 +96,14 @@ def test_a_flight_longer_than_the_battery_is_a_warning():
     assert [m.first_index for m in split.missions()] == [f.first for f in split.route.flights]
 
 
-def test_drones_as_json(capsys):
+def test_the_list_of_drones_can_be_printed_as_json(capsys):
     assert run(["drones", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)
     assert [drone["name"] for drone in listed] == list(DRONES)
     assert all(drone["source"] and drone["assumed"] for drone in listed)
 
 
-def test_drones_as_a_table(capsys):
+def test_the_list_of_drones_can_be_printed_as_a_table(capsys):
     assert run(["drones"]) == 0
     out = capsys.readouterr().out
     assert all(name in out for name in DRONES)

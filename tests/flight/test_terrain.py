@@ -107,7 +107,7 @@ def test_scaled_integers_are_converted_to_heights(folder):
 
 
 @pytest.mark.parametrize("west", [179.95, -180.05])
-def test_a_raster_across_the_antimeridian(folder, west):
+def test_heights_are_read_from_a_raster_across_the_antimeridian(folder, west):
     rows, columns = np.mgrid[0:200, 0:200]
     heights = (500.0 + 0.5 * columns + 0.0 * rows).astype(np.float32)
     path = saved(
@@ -376,7 +376,7 @@ def test_terrain_is_looked_for_beside_the_request(folder, hilly, capsys):
     assert "ground_m" in json.loads(capsys.readouterr().out)["waypoints"][0]
 
 
-def test_without_the_extra_the_error_names_it(monkeypatch, hilly, capsys):
+def test_without_the_optional_dependency_the_message_names_it(monkeypatch, hilly, capsys):
     monkeypatch.setitem(sys.modules, "rasterio", None)
     line = ["plan", "--altitude", "40", "--origin", "48.3358,14.3261", "--terrain", hilly]
     assert run(line) == 2
@@ -400,7 +400,7 @@ def test_local_metres_are_the_inverse_of_places(latitude, longitude, east, north
     assert distance == pytest.approx(math.hypot(east, north), abs=1e-6)
 
 
-def test_flights_over_terrain_drop_the_points_between_them(hilly):
+def test_flights_over_terrain_begin_and_end_at_photos(hilly):
     values = {"terrain": hilly, "baseline": 25, "samples": 16, "terrain_tolerance": 0.2}
     whole, split = planned(**values), planned(**values, flight_time=3.0)
     assert len(split.route.flights) > 1

@@ -88,7 +88,7 @@ def test_the_trimmed_grid_of_every_count_follows_the_rule():
         (55, 7, 8, ((0, 0),)),
     ],
 )
-def test_known_trimmed_grids(samples, rows, columns, removed):
+def test_trimmed_grids_have_known_rows_columns_and_removed_sites(samples, rows, columns, removed):
     assert pattern_for("trimmed", samples) == Pattern(rows, columns, 1.0, removed)
 
 
@@ -218,7 +218,7 @@ DISPARITIES = (
 )
 
 
-def test_within_a_frame_every_sample_lowers_the_shortfall():
+def test_the_shortfall_decreases_with_every_sample_of_a_frame():
     for dhat in DISPARITIES:
         for frame in itertools.islice(frames("trimmed"), 1, 26):
             shortfalls = [
@@ -229,7 +229,7 @@ def test_within_a_frame_every_sample_lowers_the_shortfall():
                 assert more <= fewer * (1.0 + ROUNDING), (frame, dhat)
 
 
-def test_within_a_frame_every_sample_lowers_the_shortfall_in_exact_arithmetic():
+def test_the_exact_shortfall_decreases_with_every_sample_of_a_frame():
     for dhat in (0.003, 0.1, 1 / 7, 0.3, 0.49, 0.51, 0.77, 0.99):
         for frame in itertools.islice(frames("trimmed"), 1, 11):
             shortfalls = [
@@ -241,7 +241,7 @@ def test_within_a_frame_every_sample_lowers_the_shortfall_in_exact_arithmetic():
 
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("row_pitch", [1.0, 4.0])
-def test_every_frame_lowers_the_shortfall_of_the_one_before(grid, row_pitch):
+def test_the_shortfall_decreases_from_each_frame_to_the_next(grid, row_pitch):
     pitch = max(row_pitch, NARROWEST_TURNS) if grid == "spiral" else row_pitch
     most = 50 if grid == "spiral" else 120  # For spirals, the sum is over all pairs, which is slow.
     for dhat in DISPARITIES:
@@ -253,7 +253,7 @@ def test_every_frame_lowers_the_shortfall_of_the_one_before(grid, row_pitch):
             assert after <= before * (1.0 + ROUNDING), dhat
 
 
-def test_both_orders_hold_for_slices_of_many_sizes():
+def test_shortfalls_of_layers_decrease_with_every_sample_and_every_frame():
     layers = (
         Layer(0.5, 1.5, 0.9, 0.05),
         Layer(2.0, 4.0, 0.05, 2.0),
@@ -290,7 +290,7 @@ def test_sites_are_flown_in_lines_of_alternating_direction(grid):
             assert columns == sorted(columns, reverse=row % 2 == 1)
 
 
-def test_the_flight_order_of_a_small_grid():
+def test_a_small_grid_is_flown_in_the_known_order():
     assert list(Frame(3, 3, 1.0, 7, 9).pattern(7).sites()) == [
         *[(0, 1), (0, 2)],
         *[(1, 2), (1, 1), (1, 0)],

@@ -141,7 +141,7 @@ def test_turning_points_on_their_neighbours_are_left_out_of_files_that_are_flown
         assert found == pytest.approx(flown if form.flown_by else east, abs=1e-6), name
 
 
-def test_one_waypoint_is_enough_elsewhere():
+def test_one_waypoint_is_enough_for_formats_without_a_lower_limit():
     for name in ("waypoints", "plan", "kml", "geojson", "csv"):
         assert len(positions_of(name, mission_files([grid(1)], formats()[name], "g").values())) == 1
 

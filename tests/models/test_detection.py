@@ -137,7 +137,9 @@ def test_single_slice_seen_share():
         (TWENTY, 9, {2.0: 0.011, 5.0: 0.556, 10.0: 0.974}, 0.0933, 4.80),
     ],
 )
-def test_detection_of_the_design(layers, samples, found, clutter, level):
+def test_detection_agrees_with_the_values_of_the_design_document(
+    layers, samples, found, clutter, level
+):
     """Section 4.8: without the box mean, the share found at three contrasts is within 0.018 of the
     design's values.
     """

@@ -87,7 +87,7 @@ def decimals(draw):
 
 
 @given(written=decimals())
-def test_required_samples_is_exact_for_what_is_written(written):
+def test_required_samples_is_exact_for_decimals_and_fractions(written):
     text, digits, whole = written
     # This is ⌈1/(1 - digits/whole)⌉, computed with whole numbers.
     fewest = -(-whole // (whole - digits))
@@ -167,7 +167,7 @@ def test_a_float_more_than_1_ulp_above_needs_one_more_sample(samples):
         ("0." + "9" * 50, 10**50),
     ],
 )
-def test_required_samples_of_known_targets(target, samples):
+def test_required_samples_has_known_values(target, samples):
     assert required_samples(target) == samples
 
 

@@ -43,7 +43,7 @@ def test_slanted_leaves_hide_what_monte_carlo_finds():
     assert abs(visible - squares.mean()) < 4 * squares.std() / math.sqrt(200_000)
 
 
-def test_large_grids_are_followed_by_samples_spread_over_them():
+def test_the_sites_used_for_a_large_grid_are_few_and_spread_over_it():
     sites = np.array(followed(pattern_for("trimmed", 10_000), 1.0))
     assert len(sites) <= 1024
     assert np.allclose(sites.mean(axis=0), 0.0, atol=1.0)

@@ -51,7 +51,7 @@ def positions(pattern, baseline):
     columns=st.integers(1, 12),
     dhat=st.floats(0.0, 1.5),
 )
-def test_one_slice_is_eq_2(density, rows, columns, dhat):
+def test_one_slice_agrees_with_eq_2(density, rows, columns, dhat):
     # Occluders of 0.5 m at the middle of 4 m to 6 m, seen from 40 m, have d̂ = 1 at 4 m.
     layers = [Layer(4.0, 6.0, density, 0.5)]
     baseline = 4.0 * dhat

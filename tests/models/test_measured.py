@@ -186,7 +186,7 @@ def assert_expected(values, expected):
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 5), (3, 3), (3, 5)])
 @pytest.mark.parametrize("dhat", [0.25, 0.75, 1.25])
-def test_one_slice_is_eq_2(rows, columns, dhat):
+def test_one_slice_agrees_with_eq_2(rows, columns, dhat):
     rng = np.random.default_rng(8)
     density, level, cells = 0.4, 199, 60 * 50
     found = []
@@ -243,7 +243,7 @@ def conifers():
         return point_cloud.read_voxels(str(CLOUD), voxel_m=0.25, min_height_m=0.5)
 
 
-def test_known_density(conifers):
+def test_the_measured_density_of_conifers_has_the_known_value(conifers):
     assert MeasuredModel(conifers, 50.0).density == pytest.approx(0.769, abs=0.0005)
 
 
@@ -256,7 +256,9 @@ def test_known_density(conifers):
         ("perspective", 3.5, 0.897, 0.185, 0.910),
     ],
 )
-def test_known_figures(conifers, view, baseline, density, v, vhat):
+def test_measured_predictions_for_conifers_have_known_values(
+    conifers, view, baseline, density, v, vhat
+):
     # These values were computed from the same cloud by other programs, with other interpolations of
     # the ground.
     found = MeasuredModel(conifers, 50.0, view=view).predict(Pattern(7, 7), baseline)

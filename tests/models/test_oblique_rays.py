@@ -28,7 +28,7 @@ PATTERNS = [
 ]
 
 
-def test_lengths_of_rays():
+def test_ray_lengths_have_known_values():
     assert ray_lengths(30.0, 40.0, 50.0, "oblique") == near(math.sqrt(2.0), rel=1e-15)
     assert ray_lengths(-30.0, 40.0, 50.0, "cubes") == near(2.4, rel=1e-15)
     assert ray_lengths(-30.0, 40.0, 50.0, "nadir") == 1.0

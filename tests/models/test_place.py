@@ -70,7 +70,7 @@ def test_targets_are_spread_evenly_over_the_place():
     assert views.targets_m.mean(axis=0) == pytest.approx([0.0, 0.0], abs=0.1)
 
 
-def test_moving_place_and_stand_together_changes_nothing():
+def test_moving_place_and_stand_together_changes_no_prediction():
     stand, cells = volume(), (3, -4)
     moved = stand.of_voxels(np.roll(stand.occupied, cells, axis=(1, 2)))
     by = np.array([cells[1], cells[0]]) * VOXEL_M
@@ -89,7 +89,7 @@ def test_the_prediction_counts_joint_occlusion():
     assert joint_density(hidden).mean() == pytest.approx((share**2).mean(), abs=1e-15)
 
 
-def test_a_turned_plot_with_turned_positions_looks_the_same():
+def test_rotating_plot_and_positions_together_changes_no_prediction():
     stand, turn = volume(), 30.0
     views = PlaceViews(stand, ALTITUDE_M, disc(1.5))
     straight, turned = (PlaceModel(views, PlotFrame(4.0, -2.0, deg)) for deg in (0.0, turn))

@@ -171,7 +171,7 @@ def test_the_warning_names_a_target_that_no_number_of_samples_reaches():
     assert "no number of photos reaches it" in message(result, "target_missed")
 
 
-def test_a_target_of_absolute_visibility_is_missed_in_its_own_terms():
+def test_the_warning_about_a_missed_absolute_visibility_gives_v():
     result = planned(samples=2, baseline=2, visibility=0.67)
     assert message(result, "target_missed").startswith("V = 0.67 is missed")
 

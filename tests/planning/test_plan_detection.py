@@ -55,7 +55,7 @@ def test_the_text_of_a_plan_states_its_detection():
     assert "at 0.5 false alarms per hectare" in detection_text(several)
 
 
-def test_warnings_of_few_photos_and_of_targets_below_a_pixel():
+def test_few_photos_and_targets_below_a_pixel_give_warnings():
     few = plan(PlanRequest(altitude=40, find="person", samples=4, baseline=1.0, **OWN))
     assert "detection_few_photos" in codes(few)
     coarse = plan(PlanRequest(altitude=110, find="0.1x0.2", **OWN))

@@ -80,7 +80,7 @@ def test_a_single_waypoint_has_length_zero_and_only_a_hold():
     assert (flight["length_m"], flight["time_s"]) == (0.0, 1.0)
 
 
-def test_the_trimmed_grid_has_its_surplus_taken_from_the_corners():
+def test_the_removed_sites_of_a_trimmed_grid_are_the_farthest_from_its_middle():
     result = planned()
     pattern = result.solution.pattern
     assert (pattern.rows, pattern.columns, len(pattern.removed)) == (7, 8, 6)

@@ -40,7 +40,7 @@ def test_relations_name_options_that_exist():
     assert named <= {*BY_NAME, SEARCH, RANGE}
 
 
-def test_defaults_are_those_of_the_contract():
+def test_a_request_with_only_an_altitude_has_the_documented_defaults():
     request = PlanRequest(altitude=40)
     assert request.document() == {
         "altitude": 40.0,

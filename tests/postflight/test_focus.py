@@ -314,7 +314,7 @@ def test_one_command_focuses_and_says_what_it_found(command, folder):
     assert "moved" not in out
 
 
-def test_a_single_height_is_that_of_the_plane(command, folder):
+def test_focus_with_a_single_height_equals_that_focal_height(command, folder):
     paths = recorded(folder)
     command(*paths, "--focus", "2", "--out", "a.png")
     command(*paths, "--focal-height", "2", "--out", "b.png")

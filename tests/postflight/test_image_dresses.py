@@ -40,7 +40,7 @@ def test_16_bits_a_colour_keep_their_bits(tmp_path, planar, order, compression):
     assert not picture.is_byte
 
 
-def test_16_bits_of_colour_and_alpha(tmp_path):
+def test_a_tiff_of_16_bits_with_colour_and_alpha_is_read(tmp_path):
     alpha = np.full((5, 7, 1), 65535, np.uint16)
     alpha[0, 0] = 0
     values = np.concatenate([VALUES, alpha], axis=2)

@@ -353,7 +353,7 @@ def test_poses_as_the_aos_project_publishes_them(tmp_path):
     assert plane.camera_m(first)[2] == pytest.approx(26.7586, abs=1e-3)
 
 
-def test_the_field_of_view_is_the_images_width():
+def test_the_given_field_of_view_is_across_the_width_of_the_image():
     lens = from_field_of_view(50.815436217896945)(512, 512)
     assert lens.fx_px == pytest.approx(538.94, abs=0.5)  # 512 / 0.95, as in the project
     assert from_field_of_view(FOV_DEG)(WIDTH, HEIGHT) == pytest.approx(LENS)

@@ -53,7 +53,7 @@ def test_the_top_of_a_photo_straight_down_points_to_its_yaw():
     assert right == pytest.approx([0, -1, 0], abs=1e-12)
 
 
-def test_a_folder_of_photos_is_the_plane_that_they_show(folder):
+def test_the_integral_of_photos_of_a_plane_equals_the_plane(folder):
     poses = fly(folder / "photos")
     recording = Recording(str(folder / "photos"))
     for view, (position, angles) in zip(recording.views, poses, strict=True):

@@ -199,7 +199,7 @@ def test_positions_too_far_apart_are_refused(tmp_path):
 
 
 @pytest.mark.slow
-def test_many_places_are_read(tmp_path):
+def test_all_of_2500_positions_are_read_from_every_format(tmp_path):
     mission = grid(2500)
     for name in ENDINGS:
         assert len(read_places(file_of(tmp_path, mission, name))) == 2500

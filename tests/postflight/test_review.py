@@ -293,7 +293,7 @@ def test_an_area_has_its_missing_sites_and_a_top_up_around_its_zones(tmp_path, c
 # Malicious inputs
 
 
-def test_a_single_position(tmp_path):
+def test_a_single_photo_leaves_all_other_sites_missing(tmp_path):
     request = PlanRequest(altitude=40)
     found = reviewed(tmp_path / "f.csv", sites_of(plan(request))[:1], request)
     assert found.missing == list(range(1, 50))
@@ -395,7 +395,7 @@ def test_formats_that_need_a_location_write_nothing_without_it(tmp_path, command
     assert [path.name for path in tmp_path.iterdir()] == ["f.csv"]
 
 
-def test_a_tolerance_is_a_length(tmp_path, command):
+def test_a_negative_tolerance_is_refused(tmp_path, command):
     csv_of(tmp_path / "f.csv", [(0.0, 0.0)])
     status, _, err = command("review", "f.csv", "--altitude=40", "--tolerance=-1")
     assert (status, "--tolerance" in err) == (2, True)

@@ -114,7 +114,7 @@ def test_oblong_cells_give_cubes(raster):
 
 @pytest.mark.parametrize("compress", ["deflate", "lzw", None])
 @pytest.mark.parametrize("kind", ["float32", "float64", "uint8", "int16"])
-def test_compressions_and_kinds_of_numbers(raster, compress, kind):
+def test_a_canopy_raster_is_read_with_any_compression_and_type_of_number(raster, compress, kind):
     whole = trees().round()
     given = {"compress": compress} if compress else {}
     volume = read_canopy(raster(whole.astype(kind), **given))
@@ -285,7 +285,7 @@ def test_a_missing_raster_and_a_folder_are_named(tmp_path):
         read_canopy("a\0.tif")
 
 
-def test_without_the_extra_it_is_named(raster, monkeypatch):
+def test_without_the_optional_dependency_the_error_names_it(raster, monkeypatch):
     path = raster(trees())
     monkeypatch.setitem(sys.modules, "rasterio", None)
     with pytest.raises(MissingExtraError, match="'raster'"):

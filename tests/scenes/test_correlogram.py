@@ -79,7 +79,7 @@ def test_the_correlogram_approximates_predictions_for_real_stands(name, voxel_m)
 # --- Content of the tables -------------------------------------------------------------------
 
 
-def test_the_tables_have_the_shape_that_they_claim(table):
+def test_correlogram_tables_have_the_documented_lags_and_directions(table):
     assert table.lags.shape == (15,)
     assert table.lags[0] == pytest.approx(0.01, rel=1e-12)
     assert table.lags[2::2] == pytest.approx(2.0 * table.lags[:-2:2], rel=1e-12)

@@ -225,7 +225,7 @@ def test_only_the_slope_counts_for_telecentric_views(scrub):
     assert (near != hidden(scrub, 60.0, (3.0, -2.0))).any()
 
 
-def test_the_plot_wraps(scrub):
+def test_shifting_the_volume_periodically_shifts_the_hidden_targets(scrub):
     moved = VoxelVolume(np.roll(scrub.occupied, (4, -7), axis=(1, 2)), 0.5)
     for offset in [(3.1, -2.3), (-11.0, 8.0)]:
         before, after = hidden(scrub, 20.0, offset), hidden(moved, 20.0, offset)

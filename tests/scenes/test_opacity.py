@@ -115,7 +115,7 @@ def returns_of(scan, which):
     return type(scan)(*(each[..., which] for each in scan))
 
 
-def test_one_leaf_hides_its_shadow():
+def test_one_leaf_hides_the_area_of_its_shadow():
     leaf = LeafStand(2.0, np.array([[1.0], [1.0], [3.0]]), np.array([[0.0], [0.0], [1.0]]), 0.3)
     hidden = hidden_share(leaf, 10.0, np.zeros((1, 2)), 0.01)
     assert hidden.mean() == pytest.approx(np.pi * 0.09 / 4.0, rel=0.01)
@@ -247,7 +247,7 @@ def _real_beams():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not UAS.exists(), reason="needs the cloud")
-def test_the_voxel_hardly_matters_on_the_real_cloud():
+def test_density_and_visibility_of_the_real_cloud_hardly_depend_on_voxel_size():
     """p̄ and V hardly depend on the size of voxels.
 
     Two prototypes without factors and contrast of columns had p 0.62 to 0.63 at nadir, p̄ 0.65, V 0.52

@@ -177,7 +177,9 @@ def test_a_file_that_shrinks_while_it_is_read_is_named(tmp_path):
 # --- Surroundings ---
 
 
-def test_a_file_that_may_not_be_read_is_the_machine_s_fault(tmp_path, monkeypatch):
+def test_a_file_without_read_permission_is_reported_as_an_error_of_the_machine(
+    tmp_path, monkeypatch
+):
     path = write_cloud(tmp_path / "a.laz", *stand())
 
     def forbidden(name, mode):
@@ -190,7 +192,7 @@ def test_a_file_that_may_not_be_read_is_the_machine_s_fault(tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize("step", ["__init__", "write", "read"])
-def test_a_full_disk_is_the_machine_s_fault(tmp_path, monkeypatch, step):
+def test_a_full_disk_is_reported_as_an_error_of_the_machine(tmp_path, monkeypatch, step):
     class Full:
         def __init__(self):
             self.fail("__init__")
@@ -237,7 +239,7 @@ def test_lack_of_memory_is_an_error_of_the_machine(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("module", ["laspy", "lazrs"])
-def test_without_the_extra_it_is_named(tmp_path, monkeypatch, module):
+def test_without_the_optional_dependency_the_error_names_it(tmp_path, monkeypatch, module):
     path = write_cloud(tmp_path / "a.laz", *stand())
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingExtraError, match="'lidar'"):

@@ -196,7 +196,7 @@ def test_the_pyramid_keeps_known_voxels_and_fills_unknown_ones():
     assert rate[:, :, 8:] == pytest.approx(0.5, rel=1e-3)
 
 
-def test_one_level_of_shrinkage_by_hand():
+def test_one_level_of_shrinkage_equals_a_calculation_by_hand():
     """Two voxels of 4 m are side by side.  Their parent is the layer, and the parent of the layer
     is the volume.
     """

@@ -72,7 +72,7 @@ def test_tiles_named_in_any_way_are_one_stand(tiles, whole, monkeypatch):
     assert resolved("tiles/").scene.name == "tiles"
 
 
-def test_a_folder_plans_and_its_request_plans_again(tiles, monkeypatch):
+def test_the_saved_request_of_a_folder_of_tiles_gives_the_same_plan(tiles, monkeypatch):
     monkeypatch.chdir(tiles.parent)
     result = plan(PlanRequest(altitude=40, scene="tiles", vhat=0.3))
     assert result.model == "measured"
@@ -98,7 +98,7 @@ def test_the_scene_command_accepts_several_files(tiles, capsys):
     assert printed["plot_m"] == [20.25, 12.25]
 
 
-def test_a_preset_goes_before_a_folder_of_its_name(tmp_path, monkeypatch):
+def test_a_preset_is_preferred_to_a_folder_of_the_same_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "savanna").mkdir()
     assert resolved("savanna").kind == "uniform"
@@ -242,7 +242,7 @@ def test_a_saved_correlogram_selects_the_measured_model_by_default(saved):
         assert (other.model, other.approximation) == (model, None)
 
 
-def test_its_request_plans_again(saved):
+def test_the_saved_request_of_a_scene_file_gives_the_same_plan(saved):
     first = planned(saved["toml"], vhat=0.3)
     assert plan(PlanRequest(**first.request.document())).document() == first.document()
 

@@ -166,7 +166,7 @@ def test_the_real_pine_and_fir_stand_is_planned_end_to_end(tmp_path, capsys):
 
 @real
 @pytest.mark.parametrize(("cut", "baseline"), [(1.0, 5.88), (2.0, 4.0)])
-def test_the_coverage_rule_on_the_real_stand(cut, baseline):
+def test_the_coverage_rule_gives_the_known_baseline_for_the_real_stand(cut, baseline):
     cloud = DATA / "UAS_Clip.laz"
     given = {"model": "uniform", "min_height": cut, "opacity": "voxels"}
     by_rule = planned(cloud, **given, allow_no_common_ground=True)
@@ -187,7 +187,9 @@ def test_the_coverage_rule_on_the_real_stand(cut, baseline):
         pytest.param(3.5, 0.826, 0.2923, 0.820, marks=pytest.mark.slow),
     ],
 )
-def test_the_measured_model_on_the_real_stand(baseline, density, visibility, normalized):
+def test_the_measured_model_gives_known_values_for_the_real_stand(
+    baseline, density, visibility, normalized
+):
     # The known values are for voxels with points and for the periodic plot.
     as_then = {"min_height": 0.5, "opacity": "voxels", "edges": "wrapped"}
     result = planned(DATA / "UAS_Clip.laz", samples=49, baseline=baseline, **as_then)

@@ -388,7 +388,7 @@ def test_an_existing_page_is_kept_unless_forced(command, folder):
     assert (folder / "a.html").read_bytes().startswith(b"<!DOCTYPE html>")
 
 
-def test_a_page_goes_to_stdout_alone(command):
+def test_a_page_on_stdout_has_no_other_output(command):
     status, out, err = command("plan", "--altitude", 40, "--report", "-", "--no-report-picture")
     assert (status, err) == (0, "")
     assert out.startswith(b"<!DOCTYPE html>")

@@ -132,7 +132,7 @@ def test_the_similarity_to_all_images_increases_with_the_aperture_to_one(figure_
 
 
 @pytest.mark.slow
-def test_values_of_the_documentation(figure_of):
+def test_paper_figures_give_the_values_that_the_documentation_quotes(figure_of):
     """The values that docs/how_true.md quotes."""
     seven, eight, nine = (projects(figure_of(number)) for number in ("7", "8", "9"))
     assert seven["V̂ of 50 samples 3.5 m apart, each target below its own"] == 0.864
@@ -232,7 +232,7 @@ def test_the_document_is_plain_json(figure_of, number):
 @pytest.mark.parametrize(
     ("text", "number"), [("7", "7"), (7, "7"), ("Fig. 7a", "7"), ("2", "2b"), ("figure 3c", "3")]
 )
-def test_numbers_are_read_as_people_write_them(text, number):
+def test_numbers_of_figures_are_accepted_in_common_notations(text, number):
     assert checked_number(text) == number
 
 

@@ -101,7 +101,7 @@ def test_as_flown_lists_the_numbers_that_differ_for_the_photos(flight, clumped):
 
 
 @pytest.mark.parametrize("forest", ["noise", "cloud"])
-def test_occluders_go_with_generated_forests_alone(flight, forest):
+def test_occluders_are_refused_for_forests_that_are_not_generated(flight, forest):
     with pytest.raises(RequestError, match=r"--occluders leaves|--forest cloud"):
         simulate(flight, Settings(forest=forest, occluders="leaves"))
 
@@ -136,7 +136,7 @@ def test_layered_scenes_agree_with_the_layered_model(tmp_path):
 # Precision, limits, seeds
 
 
-def test_no_more_is_simulated_than_the_precision_asks_for(flight):
+def test_the_simulation_stops_at_the_requested_precision(flight):
     coarse, fine = (
         simulate(flight, Settings(1, precision, "noise")) for precision in (0.05, 0.0015)
     )

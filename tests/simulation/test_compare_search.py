@@ -39,7 +39,7 @@ def test_a_wrong_threshold_would_be_noticed(compared):
     assert not compared._replace(predicted=0.5 * compared.predicted).agree
 
 
-def test_the_same_seed_finds_the_same_and_another_does_not():
+def test_the_same_seed_gives_the_same_search_and_another_seed_does_not():
     planned = plan(PlanRequest(**SCENE, **FLOWN, **OWN))
     one, again, other = (compare_search(planned, seed=s, forests=2) for s in (3, 3, 4))
     assert one == again

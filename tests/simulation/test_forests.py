@@ -92,7 +92,7 @@ def test_empty_layers_make_bare_ground():
 
 
 @pytest.mark.parametrize("density", [0.02, 0.567, pytest.param(0.95, marks=pytest.mark.slow)])
-def test_a_clumped_stand_hides_the_share_that_was_asked_for(density):
+def test_a_clumped_stand_hides_the_requested_share(density):
     hidden = [
         clumped_forest(generator(5, i), density, 0.25, 2.5, 17.5, (30.0, 30.0)).column_occupancy
         for i in range(12)

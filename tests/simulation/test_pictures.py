@@ -55,7 +55,7 @@ def test_more_views_come_closer_to_the_optimum():
     assert found[-1] > 0.95
 
 
-def test_a_png_holds_the_image_and_is_the_same_each_time():
+def test_a_png_contains_the_image_and_is_the_same_each_time():
     image = side_by_side([integral_image(resolution_chart(20, 30), np.array(0.3))] * 2)
     content = png(image)
     read = np.asarray(Image.open(io.BytesIO(content)))

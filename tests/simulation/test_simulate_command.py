@@ -27,7 +27,7 @@ def command(command):
     return partial(command, "simulate", *QUICK, *COARSE)
 
 
-def test_the_document_is_the_plans_with_the_simulation_beside_it(command, capsys):
+def test_the_document_contains_the_plan_and_its_simulation(command, capsys):
     status, out, err = command("--json", "--seed", "7")
     assert (status, err) == (0, "")
     document = json.loads(out)

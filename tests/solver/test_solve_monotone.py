@@ -347,7 +347,7 @@ def test_the_paper_takes_50_samples_3_and_a_half_metres_apart():
     ("grid", "samples"),
     [("trimmed", 50), ("rectangle", 56), ("square", 64), ("line", 50), ("lanes", 51)],
 )
-def test_98_percent_by_every_kind_of_grid(grid, samples):
+def test_every_kind_of_grid_reaches_98_percent_with_the_known_samples(grid, samples):
     found = solve(Problem(PAPER, vhat("0.98"), GridKind(grid)))
     assert found.pattern.samples == samples
     assert found.samples_required == (51 if grid == "lanes" else 50)

@@ -96,7 +96,7 @@ def test_only_a_damaged_part_is_written_again(campaign, tmp_path, solved, damage
     assert (tmp_path / "r.parquet.journal.jsonl").read_bytes() == journal
 
 
-def test_an_interrupted_folder_is_not_there_until_it_is_whole(campaign, tmp_path, monkeypatch):
+def test_a_result_folder_appears_only_when_it_is_complete(campaign, tmp_path, monkeypatch):
     whole, folder = tmp_path / "whole", tmp_path / "r"
     assert sweep(campaign, "--out", f"{whole}/") == 0
     solve = run_module.solve_part

@@ -72,7 +72,7 @@ def test_bins_rise_with_their_numbers_and_are_narrow(first, second):
         assert abs(value_of(at, whole=False) - value) <= MEDIAN_ERROR * abs(value)
 
 
-def test_whole_numbers_below_512_have_bins_of_their_own():
+def test_each_whole_number_below_512_has_a_separate_bin():
     numbers = np.arange(0.0, 512.0)
     assert [value_of(at, whole=True) for at in bins_of(numbers).tolist()] == numbers.tolist()
 
@@ -325,7 +325,9 @@ def test_interruptions_change_no_byte(campaign, tmp_path, capsys, monkeypatch, o
 
 
 @pytest.mark.slow
-def test_an_interrupted_simulation_sweeps_nothing_again(campaign, tmp_path, capsys, monkeypatch):
+def test_resuming_an_interrupted_simulation_solves_no_scenario_again(
+    campaign, tmp_path, capsys, monkeypatch
+):
     from aosplan.sweeps import verify
 
     line = [campaign, "--json", "--simulate", 1, "--precision", 0.2]

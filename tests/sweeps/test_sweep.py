@@ -249,7 +249,7 @@ def test_a_result_named_twice_gives_one_column(campaign, tmp_path):
     assert pl.read_csv(out).columns[-4:] == ["samples", "baseline_m", "status", "reason"]
 
 
-def test_values_of_a_file_are_read_beside_it(tmp_path):
+def test_a_file_of_values_is_found_in_the_folder_of_its_sweep_file(tmp_path):
     (tmp_path / "altitudes.txt").write_text("40\n\n50 m\n")
     path = tmp_path / "s.toml"
     path.write_text("[sweep]\naltitude = { file = 'altitudes.txt' }\n")

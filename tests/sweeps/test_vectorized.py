@@ -94,7 +94,7 @@ def crossings(draw):
 
 
 @given(crossing=crossings())
-def test_columns_have_the_numbers_and_the_words_of_plan(crossing):
+def test_columns_have_the_numbers_and_messages_of_plan(crossing):
     block = crossing.block(0)
     solved = solve_columns(block)
     if solved is None:
@@ -146,7 +146,7 @@ ALONE = {
 
 @settings(max_examples=8)
 @given(data=st.data())
-def test_rows_have_the_numbers_and_the_words_of_plan(data):
+def test_rows_have_the_numbers_and_messages_of_plan(data):
     names = data.draw(st.permutations(sorted(ALONE)))[: data.draw(st.integers(1, 6))]
     axes = {name: [data.draw(ALONE[name])] for name in {*names, "altitude"}}
     if "wind_speed" in axes:

@@ -53,7 +53,7 @@ def draw(scenarios, rows, seed):
     return found
 
 
-def test_extremes_and_words_are_among_the_sample():
+def test_the_sample_contains_extremes_and_every_text_value():
     chosen = sample(CROSSING, 20, 7)
     assert len(chosen) == len({each.row for each in chosen}) == 20
     assert [each.row for each in chosen] == sorted(each.row for each in chosen)
@@ -148,7 +148,7 @@ def noise_checks():
     return tuple(check(seed, request, forest="noise", precision=0.03) for seed in range(40))
 
 
-def test_chances_of_sound_predictions_are_spread_evenly(noise_checks):
+def test_chances_of_correct_predictions_are_uniformly_distributed(noise_checks):
     for name in ("density", "expected", "normalized"):
         chances = [
             each.chance
@@ -160,7 +160,7 @@ def test_chances_of_sound_predictions_are_spread_evenly(noise_checks):
         assert stats.kstest(chances, "uniform").pvalue > 1e-3
 
 
-def test_sound_predictions_agree(noise_checks):
+def test_correct_predictions_agree_with_their_simulations(noise_checks):
     found = v.Verification(0, 0.005, noise_checks, ())
     assert found.agree
     document = found.document()

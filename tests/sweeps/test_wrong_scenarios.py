@@ -118,7 +118,7 @@ def test_paths_that_are_not_files_are_refused(folder, refused, suffix):
 
 
 @pytest.mark.parametrize("name", ["s.xlsx", "s.XLS", "s.ods", "s.parquet"])
-def test_spreadsheets_are_called_so(folder, refused, name):
+def test_spreadsheets_are_refused_and_called_spreadsheets(folder, refused, name):
     (folder / name).write_bytes(b"PK\x03\x04" + bytes(range(256)))
     assert "is a spreadsheet" in refused(name)
 
@@ -248,7 +248,7 @@ def test_pandas_types_are_read(folder):
     assert run(["sweep", "s.parquet", "--out", "r.csv", "--quiet"]) == 0
 
 
-def test_the_index_of_pandas_is_called_so(folder, refused):
+def test_a_parquet_file_with_an_index_of_pandas_is_refused_with_a_hint(folder, refused):
     pd = pytest.importorskip("pandas")
     pytest.importorskip("pyarrow")
     pd.DataFrame({"altitude": [40.0, 50.0]}, index=[3, 7]).to_parquet(folder / "s.parquet")

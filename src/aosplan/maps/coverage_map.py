@@ -190,8 +190,8 @@ class Coverage:
         points_m
             Positions of the photos, metres east and north, shape (N, 2).
         counted_m
-            Positions that are used to count sites, shape (N, 2). A photo that belongs to a site has
-            the position of that site here. Other photos have their own positions.
+            Positions for the count of sites around a place, shape (N, 2). If a photo belongs to a
+            site of the plan, this is the position of the site, otherwise the position of the photo.
         """
         sets = self._sets(points_m)
         detection = self._detection(points_m) if self._predict is not None else None

@@ -6,9 +6,10 @@
 large by chance. A comparison is the difference between a prediction and its simulation, minus the
 systematic error of the experiment, divided by the standard error. The chance of a comparison is the
 probability of a value that is at least as large, by Student's distribution. The distribution has
-one degree of freedom less than the experiment has samples. The worst of n comparisons has the
-chance 1 - (1 - chance)ⁿ (Šidák 1967; an upper bound if comparisons depend on each other). The rows
-disagree if the chance of the worst comparison is below `LEVEL`.
+one degree of freedom less than the experiment has samples. The chance of the worst of n comparisons
+is the probability that at least one of them has such a small chance: 1 - (1 - chance)ⁿ (Šidák 1967;
+an upper bound if comparisons depend on each other). The rows disagree if the chance of the worst
+comparison is below `LEVEL`.
 """
 
 from __future__ import annotations
