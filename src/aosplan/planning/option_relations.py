@@ -202,7 +202,8 @@ RELATIONS = (
     # Options that are parts of a description.
     _rule(
         "", NEEDS, "altitude gsd target_size target_pixels", "no altitude is given",
-        "give --altitude M, or --gsd M, or --target-size M with --target-pixels K",
+        "give --altitude M (with --within, also a range such as 30..90), or --gsd M, or "
+        "--target-size M with --target-pixels K",
     ),
     _rule("target_pixels", NEEDS_ALL, "target_size", "{given} needs {others}"),
     _rule("target_size", NEEDS_ALL, "target_pixels", "{given} needs {others}"),
