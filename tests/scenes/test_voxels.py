@@ -178,3 +178,16 @@ def test_a_square_cut_by_the_rim_counts_in_proportion_to_its_rest():
     touched = np.zeros((4, 10), dtype=bool)
     touched[:, 8:] = True
     assert footprint(touched, 4) == pytest.approx(0.2)
+
+
+def test_a_typical_part_has_the_density_of_the_plot():
+    rng = np.random.default_rng(3)
+    share = np.linspace(0.1, 0.9, 60)  # The canopy becomes denser towards the east.
+    volume = VoxelVolume(rng.random((1, 40, 60)) < share, 0.5, x_min_m=7.0)
+    part = volume.typical_part((10.0, 30.0))
+    assert part.size_m == (10.0, 20.0)
+    assert part.x_min_m == pytest.approx(7.0 + 10.0, abs=2.0)
+    assert part.column_occupancy == pytest.approx(volume.column_occupancy, abs=0.02)
+    start = round((part.x_min_m - 7.0) / 0.5)
+    assert (part.occupied == volume.occupied[:, :, start : start + 20]).all()
+    assert volume.typical_part((30.0, 20.0)) is volume

@@ -5,6 +5,7 @@ This module is imported only if a plan has a target to find.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from aosplan.models.detection import Detection
     from aosplan.models.signatures import Signature
     from aosplan.planning.resolve import FindInputs, PlanInputs
+    from aosplan.scenes.voxels import VoxelVolume
 
     Floats = NDArray[np.float64]
 
@@ -40,6 +42,16 @@ threshold.
 
 MOST_CROWN_SHARE = 0.2
 """Largest crown share of the clutter for which predictions are within 0.05 of simulations."""
+
+
+COUNTED_M = 48.0
+"""Edge length of the part of a wide plot on which the detection is counted."""
+
+WIDE_M = 2.0 * COUNTED_M
+"""Edge length of a plot above which the detection is counted on a part of it."""
+
+STEP_M = 8.0
+"""The size of a counted part is a multiple of this length."""
 
 
 def slices_of(inputs: PlanInputs) -> tuple[Layer, ...]:
@@ -148,7 +160,7 @@ def _counted(inputs: PlanInputs, sites_m: Floats) -> Detection:
             "give the point cloud, a .npz file that aosplan scene --save wrote, or --model layered",
         )
     return count_detection(
-        volume,
+        _part_to_count(volume, sites_m, inputs.altitude_m),
         sites_m,
         inputs.altitude_m,
         Target(*find.size_m),
@@ -158,6 +170,27 @@ def _counted(inputs: PlanInputs, sites_m: Floats) -> Detection:
         focal_height_m=inputs.focal_height_m,
         edges=inputs.edges,
     )
+
+
+def _part_to_count(volume: VoxelVolume, sites_m: Floats, altitude_m: float) -> VoxelVolume:
+    """A typical part of a wide plot, on which the detection is counted.  Other plots are whole.
+
+    It is so wide that a square of `COUNTED_M` remains from which all rays stay on it.  Its size is
+    rounded up, so that plans with similar grids have the same part.
+    """
+    if max(volume.size_m) <= WIDE_M:
+        return volume
+    rise = volume.canopy_top_m / altitude_m
+    width_m, depth_m = (
+        STEP_M * math.ceil((COUNTED_M + rise * float(extent)) / STEP_M)
+        for extent in np.ptp(sites_m, axis=0)
+    )
+    return _typical_part(volume, (width_m, depth_m))
+
+
+@lru_cache(maxsize=4)
+def _typical_part(volume: VoxelVolume, size_m: tuple[float, float]) -> VoxelVolume:
+    return volume.typical_part(size_m)
 
 
 def detection_warnings(detection: Detection, inputs: PlanInputs, samples: int) -> Iterator[Message]:
@@ -175,6 +208,13 @@ def detection_warnings(detection: Detection, inputs: PlanInputs, samples: int) -
             "detection_few_photos",
             f"with fewer than {FEWEST_PHOTOS} photos, the probability of detection may be "
             "wrong by 0.2",
+        )
+    volume = inputs.loaded.volume
+    if inputs.model == "measured" and volume is not None and max(volume.size_m) > WIDE_M:
+        yield Message(
+            "detection_of_a_part",
+            f"the detection is counted on a part of the plot of about {COUNTED_M:g} x "
+            f"{COUNTED_M:g} m, whose share of hidden ground is nearest to that of the plot",
         )
     if detection.signature.crown_share > MOST_CROWN_SHARE:
         yield Message(

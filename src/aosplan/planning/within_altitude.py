@@ -67,8 +67,10 @@ best.
 POLISHED = 4
 """Largest number of neighbours of the best flight that are laid out in each step."""
 
-COUNTED = 2
-"""Number of flights whose detection is counted in the voxels of a stand."""
+COUNTED = 4
+"""Largest number of flights in each search at one altitude whose detection is counted in the voxels
+of a stand.
+"""
 
 REFUSED = 4
 """A way is no longer tried after this many shapes in succession cannot be flown in it."""
@@ -80,6 +82,11 @@ objective.
 
 NEARLY = 0.001
 """Relative difference of the objective below which the shorter flight is preferred."""
+
+
+def octave(shape: Shape) -> int:
+    """The number of photos, rounded down to a power of two, as its exponent."""
+    return shape.samples.bit_length()
 
 
 class AltitudeSearch:
@@ -256,35 +263,87 @@ class AltitudeSearch:
                 if self.score(each.shape) > -math.inf and math.isfinite(each.least_s)
             ]
             candidates.sort(key=lambda each: (-self.score(each.shape), each.least_s, each.shape))
-            over = []
-            found: list[TimedFlight] = []
-            for candidate in candidates[:tries]:
-                timed = self._laid_out(candidate)
-                if timed is not None and timed.time_s <= longest_s:
-                    found.append(timed)
-                    if len(found) == self._wanted:
-                        break
-                elif timed is not None:
-                    over.append(timed.time_s / longest_s)
-            if found:
-                return self._polished(self._preferred(candidates, found), longest_s)
+            over: list[float] = []
+            if self._counts:
+                best = self._best_counted(candidates, longest_s, tries, over)
+                if best is not None:
+                    return best
+            else:
+                found = self._fitting_flights(candidates, longest_s, tries, over)
+                if found:
+                    return self._polished(self._preferred(candidates, found), longest_s)
             # Flights take longer than the lower bounds, because of no-fly zones, terrain or gaps in
             # the area. The next round therefore searches with a shorter time.
             allowed_s /= max(min(over, default=1.0), 1.02)
         return None
 
+    def _fitting_flights(
+        self, candidates: list[FlownShape], longest_s: float, tries: int, over: list[float]
+    ) -> list[TimedFlight]:
+        """The flights of the first candidates that fit into the time.  `over` receives the times of
+        other flights, divided by the time.
+        """
+        wanted = TIMED if self.request.optimize == "time" else 1
+        found: list[TimedFlight] = []
+        for candidate in candidates[:tries]:
+            timed = self._laid_out(candidate)
+            if timed is not None and timed.time_s <= longest_s:
+                found.append(timed)
+                if len(found) == wanted:
+                    break
+            elif timed is not None:
+                over.append(timed.time_s / longest_s)
+        return found
+
     @property
-    def _wanted(self) -> int:
-        """Number of laid-out flights that are compared."""
-        if self.request.optimize == "time":
-            return TIMED
-        counts = self.request.optimize == "detection" and self.inputs.model == "measured"
-        return COUNTED if counts else 1
+    def _counts(self) -> bool:
+        """Whether the objective is counted in the voxels of a stand."""
+        return self.request.optimize == "detection" and self.inputs.model == "measured"
+
+    def _best_counted(
+        self, candidates: list[FlownShape], longest_s: float, tries: int, over: list[float]
+    ) -> TimedFlight | None:
+        """The flight with the largest counted probability of detection.
+
+        The score of a shape assumes independent slices.  In a real stand it is too high, and the
+        ratio of the counted probability to the score depends on the number of photos.  Therefore,
+        the candidate with the largest score times ratio is counted next.  The ratio is the mean
+        over the counted shapes with a similar number of photos.  It is 1 if there are none, so that
+        every number of photos with a high score is counted once.
+        """
+        found: dict[Shape, TimedFlight] = {}
+        left = {each.shape: each for each in candidates}
+        for _ in range(tries + COUNTED):
+            if not left or len(found) == COUNTED:
+                break
+            ratios = self._ratios()
+            shape = max(left, key=lambda each: self.score(each) * ratios.get(octave(each), 1.0))
+            if shape in found:
+                break
+            timed = self._laid_out(left[shape])
+            if timed is not None and timed.time_s <= longest_s:
+                found[shape] = timed
+                self.counted(timed)
+            else:
+                del left[shape]
+                if timed is not None:
+                    over.append(timed.time_s / longest_s)
+        return max(found.values(), key=self.counted, default=None)
+
+    def _ratios(self) -> dict[int, float]:
+        """Mean ratio of the counted probability of detection to the score, by octave of the number
+        of photos.
+        """
+        known: dict[int, list[float]] = {}
+        for shape, counted in self._counted.items():
+            if self.score(shape) > 0.0:
+                known.setdefault(octave(shape), []).append(counted / self.score(shape))
+        return {each: sum(ratios) / len(ratios) for each, ratios in known.items()}
 
     def _preferred(self, candidates: list[FlownShape], found: list[TimedFlight]) -> TimedFlight:
         """The best of the found flights, or a faster flight that is almost as good."""
         best = max(found, key=self.counted)
-        if self._wanted > 1:
+        if self.request.optimize == "time":
             return best
         score = self.score(best.candidate.shape)
         near = [
@@ -300,7 +359,7 @@ class AltitudeSearch:
         """The best flight that is found by small steps from a flight.  Each step leads to a better
         neighbour.
         """
-        if self._wanted > 1:
+        if self.request.optimize == "time":
             return best
         while True:
             score = self.score(best.candidate.shape)

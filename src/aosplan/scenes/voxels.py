@@ -54,6 +54,10 @@ class HalfStand(NamedTuple):
     dense: NDArray[np.bool_]
 
 
+PARTS_A_SIDE = 16
+"""Number of positions along each side of a plot at which a typical part is searched."""
+
+
 @dataclass(frozen=True, eq=False)
 class VoxelVolume:
     """The occupied voxels above a plot.
@@ -200,6 +204,40 @@ class VoxelVolume:
         This is the share of the ground that photos from vertically above do not see.
         """
         return float(self.hidden_columns.mean())
+
+    def typical_part(self, size_m: tuple[float, float]) -> VoxelVolume:
+        """The part of the plot whose share of occupied columns is nearest to that of the plot.
+
+        Parameters
+        ----------
+        size_m
+            Largest size of the part along x and y.  If the plot is not larger, it is the part.
+        """
+        rows, columns = self.occupied.shape[1:]
+        down, across = (
+            min(max(int(length / self.voxel_m), 1), count)
+            for length, count in zip(size_m[::-1], (rows, columns), strict=True)
+        )
+        if (down, across) == (rows, columns):
+            return self
+        total = np.zeros((rows + 1, columns + 1))
+        total[1:, 1:] = self.hidden_columns.cumsum(axis=0).cumsum(axis=1)
+        row, column = np.meshgrid(
+            np.unique(np.linspace(0, rows - down, PARTS_A_SIDE).astype(np.intp)),
+            np.unique(np.linspace(0, columns - across, PARTS_A_SIDE).astype(np.intp)),
+            indexing="ij",
+        )
+        hidden = total[row + down, column + across] - total[row, column + across]
+        hidden += total[row, column] - total[row + down, column]
+        best = np.abs(hidden / (down * across) - self.column_occupancy).argmin()
+        south, west = row.flat[best], column.flat[best]
+        part = self.of_voxels(self.occupied[:, south : south + down, west : west + across])
+        return replace(
+            part,
+            x_min_m=self.x_min_m + west * self.voxel_m,
+            y_min_m=self.y_min_m + south * self.voxel_m,
+            place=None,
+        )
 
     @cached_property
     def hidden_columns(self) -> NDArray[np.bool_]:
