@@ -45,7 +45,7 @@ MULTIPLES = (1.5, 2.0, 3.0, 4.5, 7.0, 10.0)
 """Multiples of the time for whose best flights the first part is considered."""
 
 LARGER = (15.0, 25.0, 40.0, 70.0)
-"""Multiples that are tried one after the other if there is no flight within the smaller ones."""
+"""Multiples that are tried if there is no flight within the smaller ones."""
 
 CURVE = (0.5, 0.7, 1.0, 1.4, 2.0)
 """The best plans within these multiples of the time are reported."""
@@ -125,9 +125,8 @@ def choose_flights(
     found = {1.0: search.best(longest_s)}
     if request.within is not None and request.optimize == "detection":
         found |= {part: search.best(part * longest_s) for part in MULTIPLES}
-        for part in LARGER:
-            if all(timed is None for timed in found.values()):
-                found[part] = search.best(part * longest_s)
+        if all(timed is None for timed in found.values()):
+            found |= {part: search.best(part * longest_s) for part in LARGER}
     flights = [
         WholeFlight(
             request_for(search.request, timed.candidate), search.probability(timed), timed.time_s
