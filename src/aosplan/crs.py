@@ -1,10 +1,10 @@
 """Units and coordinate reference systems of georeferenced files.
 
 Readers of point clouds, canopy rasters and terrain need the unit of x and y, the unit of z, and the
-length of one unit of x and y on the ground at a place.  The units and the length come from the axes
-of the coordinate reference system, as PROJ describes them.  If a file does not state a unit, the
-functions of this module return None and never guess.  The reader of the file then asks the user for
-the unit, or reports which unit it assumes.
+length on the ground of one unit of x and of one unit of y at a place.  The units and the length
+come from the axes of the coordinate reference system, as PROJ describes them.  If a file does not
+state a unit, the functions of this module return None and never guess.  The reader of the file then
+asks the user for the unit, or reports which unit it assumes.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pyproj import CRS, Transformer
 
 UNITS_M = {"m": 1.0, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}
-"""Metres in the units that users name most often."""
+"""Lengths [m] of the units that users name most often."""
 
 _SYNONYMS = {
     "m": ("metre", "meter", "metres", "meters"),
@@ -56,7 +56,7 @@ ASK = "give --units m, ft or us-ft, or two units such as us-ft,m (x and y in fee
 
 
 class Units(NamedTuple):
-    """Metres in the unit of x and y, and in the unit of z; None if the unit is not stated."""
+    """Length [m] of the unit of x and y, and of the unit of z; None if the unit is not stated."""
 
     across_m: float | None
     up_m: float | None
@@ -91,7 +91,7 @@ class Location(NamedTuple):
 
 
 def unit_m(name: str) -> float | None:
-    """Metres in a unit of length, by its EPSG or PROJ name; None if the name is unknown."""
+    """The length [m] of a unit with a given EPSG or PROJ name; None if the name is unknown."""
     plain = " ".join(name.lower().split())
     for short, synonyms in _SYNONYMS.items():
         if plain == short or plain in synonyms:
@@ -100,7 +100,7 @@ def unit_m(name: str) -> float | None:
 
 
 def unit_of_code_m(code: int) -> float | None:
-    """Metres in a unit of length, by its EPSG code, such as 9003; None if the code is unknown."""
+    """The length [m] of a unit with an EPSG code, such as 9003; None if the code is unknown."""
     return _units_by_code().get(str(code))
 
 
@@ -185,7 +185,7 @@ def crs_of_wkt(text: str, what: str) -> CRS:
 
 
 def height_unit_m(band: str | None, stated: Units, what: str, hint: str) -> float:
-    """Metres in the unit of a raster's heights, from its band or its vertical axis.
+    """The length [m] of the unit of a raster's heights, as its band or its vertical axis states it.
 
     If neither states a unit, metres are assumed, unless x and y are in feet.
 
@@ -228,7 +228,7 @@ def height_unit_m(band: str | None, stated: Units, what: str, hint: str) -> floa
 
 
 def vertical_unit_m(crs: CRS, what: str) -> float | None:
-    """Metres in the unit of heights; None if the coordinate reference system has no vertical axis.
+    """The length [m] of the unit of heights; None if the system has no vertical axis.
 
     Raises
     ------
@@ -354,7 +354,7 @@ def true_lengths(scale: GroundScale | None, across_m: float, what: str) -> tuple
     scale
         Result of `ground_scale` at the place.  If it is None, `across_m` is returned.
     across_m
-        Metres in the unit of x and y, without the scale of the projection.
+        Length of the unit of x and y, without the scale of the projection.
     what
         The data that have these coordinates, for messages.
 
@@ -376,7 +376,7 @@ def true_lengths(scale: GroundScale | None, across_m: float, what: str) -> tuple
 
 
 def reads_like_feet(text: str) -> bool:
-    """Whether the text of a coordinate reference system that PROJ cannot read mentions feet."""
+    """Whether a text mentions feet, for coordinate reference systems that PROJ cannot read."""
     import re
 
     return (

@@ -58,7 +58,7 @@ class MissingExtraError(AosplanError):
 
 @contextmanager
 def needs_extra(what: str, extra: str) -> Iterator[None]:
-    """Wrap the imports of an optional dependency and report one that is missing.
+    """Wrap the imports of an optional dependency, and report the dependency if it is missing.
 
     Raises
     ------

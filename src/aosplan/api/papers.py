@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 class PaperFigure(Summarized, paper.PaperFigure):
     """The numbers of a figure of the paper.
 
-    It has the attributes of `aosplan.show.figures.paper.paper_figure.PaperFigure`: `values` are
-    quantities with their values in the paper and the values computed here.
+    It has the attributes of `aosplan.show.figures.paper.paper_figure.PaperFigure`: `values` has
+    several quantities, each with its value in the paper and the value computed here.
     """
 
     __slots__ = ()

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from aosplan.api.scenes import Stand
 
     RequestLike = PlanRequest | Plan | str | os.PathLike[str]
-    """Arguments that describe a request: a request, an earlier plan, a request file or a saved
-    plan.
+    """Types of an argument that describes a request: a `PlanRequest`, an earlier plan, or the path
+    of a request file or of a saved plan.
     """
 
 

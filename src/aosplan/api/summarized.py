@@ -55,13 +55,13 @@ class Summarized:
 
 
 def warnings_text(warnings: Iterable[Message]) -> dict[str, str]:
-    """A row of a summary that lists the codes of the warnings; empty if there are no warnings."""
+    """The row of a summary with the codes of all warnings; empty if there are no warnings."""
     codes = list(dict.fromkeys(warning.code for warning in warnings))
     return {"Warnings": ", ".join(codes)} if codes else {}
 
 
 def columns_of(documents: Sequence[dict[str, object]]) -> dict[str, list[object]]:
-    """Convert rows to columns.  All rows have the same names."""
+    """Convert rows to columns.  All rows must have the same names."""
     if not documents:
         return {}
     return {name: [document[name] for document in documents] for name in documents[0]}

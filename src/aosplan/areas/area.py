@@ -1,10 +1,11 @@
 """Areas: conversion of boundaries on earth to valid polygons in a local frame in metres.
 
 The local frame is an azimuthal equidistant projection around the centre of the area
-(`aosplan.geodesy`).  Within `FARTHEST_M` of the centre, the relative error of lengths between
-neighbours is at most r²/(6 R²) = 1.6e-6.  The edges of a boundary are straight in longitude and
-latitude, along the short way around the earth.  In metres they are curved.  Long edges are
-therefore divided until the error is at most `BEND_M`.
+(`aosplan.geodesy`).  At the distance r from the centre, lengths between neighbouring points have a
+relative error of at most r²/(6 R²), where R is the radius of the earth.  This is 1.6e-6 at r =
+`FARTHEST_M`.  The edges of a boundary are straight in longitude and latitude, along the short way
+around the earth.  In metres they are curved.  Long edges are therefore divided until the error is
+at most `BEND_M`.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FARTHEST_M = 20_000.0
-"""Greatest distance between a point of an area and its centre."""
+"""Greatest distance between a point of an area and the centre of the area."""
 
 BEND_M = 0.01
 """Largest deviation [m] between an edge that is straight in the local frame and an edge that is
@@ -35,7 +36,7 @@ straight in longitude and latitude.
 """
 
 MOST_VERTICES = 20_000
-"""Largest number of vertices of a boundary that is not simplified."""
+"""A boundary is simplified if it has more vertices than this."""
 
 TOLERANCES_M = (0.1, 0.3, 1.0, 3.0, 10.0)
 """Tolerances of the simplification.  They are tried in this order until the number of vertices is
@@ -50,7 +51,7 @@ may be swapped.
 """
 
 MARGIN_M = 0.1
-"""Distance from no-fly zones that is added to the buffer, because formats round coordinates."""
+"""Distance that is added to the buffer around no-fly zones, because formats round coordinates."""
 
 THINNEST_M = 0.001
 """A polygon that is thinner than this is treated as having no area."""
@@ -67,10 +68,10 @@ MOST_CROSSINGS = 200_000
 
 _ARC_SEGMENTS = 8
 _ARC_RATIO = 1.01 / math.cos(0.75 * math.pi / (2 * _ARC_SEGMENTS))
-"""Factor by which the distance of a buffer is multiplied before GEOS computes it. GEOS replaces
-arcs by chords, so a buffer without this factor would not contain the exact buffer. The angle of a
-chord is at most one and a half times the angle of a segment. Corners of the boundary may be cut off
-by up to 1 % of the distance.
+"""The distance of a buffer is multiplied by this factor before GEOS computes the buffer. GEOS
+replaces arcs by chords, so a buffer without this factor would not contain the exact buffer. A chord
+spans at most one and a half times the angle of a segment, which is a quarter turn divided by
+`_ARC_SEGMENTS`. Corners of the boundary may be cut off by up to 1 % of the distance.
 """
 
 
@@ -218,8 +219,8 @@ def polygons_of(shape: Any) -> Any:
 def long_side_deg(shape: Any) -> float:
     """Direction of the longer side of the smallest rectangle around a shape.
 
-    The direction is in degrees clockwise from north, at least 0 and below 180, rounded to 0.01.
-    Flight lines in this direction are as few as possible.
+    The direction is in degrees clockwise from north, at least 0 and below 180, rounded to 0.01. The
+    number of flight lines is smallest if the lines have this direction.
     """
     corners = shapely.get_coordinates(shapely.oriented_envelope(shape))
     sides = np.diff(corners[:3], axis=0)
@@ -401,10 +402,10 @@ def _simplified(shape: Any, *, outward: bool) -> tuple[Any, float]:
     """A simplified shape, and the distance by which the boundary moved.
 
     The simplified shape contains the given shape, or is inside it. The boundary is simplified by
-    the algorithm of Douglas and Peucker. The given ring is nowhere farther from the new edges than
-    the tolerance, and the new ring can be deformed continuously into it within this band. A point
-    outside the band is therefore inside both rings or outside both rings. This is true even if the
-    simplified rings cross each other.
+    the algorithm of Douglas and Peucker. Around the new edges there is a band that extends to both
+    sides by the tolerance. The given ring is inside this band, and the new ring can be deformed
+    continuously into the given ring within the band. A point outside the band is therefore inside
+    both rings or outside both rings. This is true even if the simplified rings cross each other.
     """
     if shapely.get_num_coordinates(shape) <= MOST_VERTICES:
         return shape, 0.0

@@ -61,9 +61,7 @@ DEEPEST = 60
 
 
 class Point(NamedTuple):
-    """A point of a file: its place in the file, its position without checks, and its reference
-    system.
-    """
+    """A point of a file: its place in the file, unchecked position, and reference system."""
 
     place: str
     position: Any
@@ -74,9 +72,9 @@ class Outline(NamedTuple):
     """Polygons of a file.  Each polygon is a list with an outer ring and the rings of its holes.
 
     A ring has the shape (n, 2) with longitude and latitude [deg].  Its last position equals its
-    first.  `places` has the place of each polygon in the file, for messages.  `ignored` has the
-    numbers of objects without an area, by their kind.  `points` has the points of the file without
-    checks.  `notices` are warnings about the file.
+    first.  `places` has the place of each polygon in the file, for messages.  `ignored` counts the
+    objects without an area, by their kind.  `points` has the points of the file, which are not
+    checked.  `notices` are warnings about the file.
     """
 
     path: str
@@ -110,7 +108,7 @@ def read_outline(path: str) -> Outline:
 
 
 def read_shapes(path: str) -> Outline:
-    """Read the polygons and points of a file.  The file need not have any.
+    """Read the polygons and points of a file.  The file may contain neither.
 
     Raises
     ------

@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     Points = NDArray[np.float64]
 
 MOST_CELLS = 2**60
-"""Largest number of cells of a lattice. It is limited because the numbers of cells have to fit in
-64 bits.
+"""Largest number of cells of a lattice. The limit exists because the number that identifies a cell
+has to fit in 64 bits.
 """
 
 SLACK = 1e-9
@@ -55,7 +55,7 @@ as overlapped.
 
 
 class RequiredGrid(NamedTuple):
-    """The grid that every point has to see.
+    """The grid of sites from which every point has to be seen.
 
     `used` has a tuple (row, first column, last column) for each run of used sites in a row.
     """
@@ -126,8 +126,8 @@ class CellLattice(NamedTuple):
 def centred_lattice(shape: Any, whole: Any, window: RequiredGrid, margin: int) -> CellLattice:
     """A lattice of placement cells that is centred on a shape.
 
-    `whole` contains the shape.  The rows of the lattice are as long as `whole` plus `margin`
-    columns on both sides.
+    `whole` contains the shape.  Each row of the lattice is as long as `whole`, and has `margin`
+    additional columns on both sides.
 
     Raises
     ------
@@ -209,8 +209,8 @@ def _x_at(lower: Points, upper: Points, y: NDArray[Any]) -> NDArray[np.float64]:
 def _cells(
     row: Whole, left: NDArray[np.float64], right: NDArray[np.float64], stride: int
 ) -> tuple[Whole, Whole]:
-    """Runs of the cells in rows that intervals of x overlap.  An interval that only touches a cell
-    does not overlap it.
+    """For each interval of x in a row, the cells that it overlaps, as a run.  An interval that
+    only touches a cell does not overlap it.
     """
     first = np.floor(left + SLACK).astype(np.int64)
     stop = np.ceil(right - SLACK).astype(np.int64)
@@ -219,8 +219,8 @@ def _cells(
 
 
 def sites_for(placements: CellRuns, window: RequiredGrid, stride: int) -> CellRuns:
-    """The sites of all given placements of a window.  A placement has the number of its first
-    site.
+    """The sites of all given placements of a window.  The number that identifies a placement is the
+    number of its first site.
     """
     return placements.dilated(
         (row * stride + first, row * stride + last) for row, first, last in window.used
@@ -257,7 +257,9 @@ def seen_cells(sites: CellRuns, image: tuple[int, int], stride: int) -> CellRuns
 
 
 def sites_seeing(cells: CellRuns, image: tuple[int, int], stride: int) -> Whole:
-    """Choose few sites whose images contain all cells. The sites are chosen strip by strip."""
+    """Choose a small number of sites whose images together contain all cells. The sites are chosen
+    strip by strip.
+    """
     columns, rows = image
     row, first = np.divmod(cells.start, stride)
     last = (cells.stop - 1) % stride

@@ -67,7 +67,7 @@ def least_lattice(
     rectangle.  The rectangle is ``columns - 1`` pitches long along the heading and ``rows - 1``
     pitches wide across it.  The area of the Minkowski sum is at least the sum of three terms: the
     area; the length of the rectangle times `across_m`; and the width of the rectangle times the sum
-    of `along_m` and its length.
+    of `along_m` and the length of the rectangle.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ SMALLEST, LARGEST = 1e-6, 1e9
 def focal_length_of_fov(fov_deg: Any, xp: Any = SCALARS) -> Any:
     """Focal length divided by the sensor width, for a horizontal field of view [deg].
 
-    Takes floats, or arrays with numpy as `xp`.
+    The argument is a float, or an array if `xp` is numpy.
     """
     return 0.5 / xp.tan(xp.radians(fov_deg) / 2.0)
 

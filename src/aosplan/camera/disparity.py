@@ -65,7 +65,7 @@ def unit_baseline_m(
     """Baseline [m] at which an occluder has d̂ = 1. An occluder that is smaller than a pixel is
     treated as if it were one pixel large.
 
-    Heights are greater than 0.  The arguments are floats, or arrays with numpy as `xp`.
+    Heights are greater than 0.  The arguments are floats, or arrays if `xp` is numpy.
     """
     by_size = occluder_size_m * altitude_m / height_m
     by_pixel = baseline_for_disparity_px(1.0, height_m, altitude_m, focal_length_px)
@@ -163,8 +163,7 @@ def _unit_baseline_m(
 
 
 def baseline_curve(slabs: Sequence[Slab]) -> list[tuple[float, float]]:
-    """Curve of a share against a ratio: the share of the occluders with d̂ >= 1, against the
-    baseline divided by the altitude.
+    """Curve of the share of the occluders with d̂ >= 1 against the ratio of baseline to altitude.
 
     The curve has one knot for each bottom and top of a slab, in order of increasing baseline.  A
     bottom on the focal plane has no knot, because occluders there have no disparity.  If there are

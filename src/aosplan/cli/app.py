@@ -42,7 +42,7 @@ PANELS = {
         "schema": "Print the JSON Schema of the documents.",
     },
 }
-"""Summary of each command, by group of the help."""
+"""Summaries of the commands, by the groups in which the help lists the commands."""
 
 COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}
 

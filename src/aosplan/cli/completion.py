@@ -146,7 +146,7 @@ COMMAND_VALUES = {
     ("tradeoff", "out"): Values(extensions=(".csv", ".json", ".jsonl")),
     ("visibility", "grid"): Values(),
 }
-"""Completions of single commands that replace the completions in `VALUES`."""
+"""Completions for single commands. They replace the completions in `VALUES`."""
 
 WORDS_AFTER = {("plot", "paper"): _words_of("show.figures.paper.registry", "FIGURES")}
 """Completions of the argument that follows a certain word of a command."""
@@ -182,8 +182,8 @@ def _of_powershell() -> list[str]:
 
 def _for_bash(line: str, breaks: str, group: TyperGroup) -> list[str]:
     """Candidates for a line up to the cursor. bash splits words at more characters than other
-    shells, and inserts a candidate at the beginning of its own last word. The part of the candidate
-    before that word is therefore removed.
+    shells. It replaces only its own last word, which may be the end of a word here, by the chosen
+    candidate. The part of each candidate before bash's last word is therefore removed.
     """
     words = _words(line)
     found = [word for word, _ in candidates(words[1:], group)]

@@ -187,8 +187,8 @@ def _extent(text: str | None) -> str | list[float]:
 
 
 def _place(text: str, name: str) -> float:
-    """Parse a coordinate [m]. Coordinates that are so large that their decimals would not be
-    accurate are refused.
+    """Parse a coordinate [m]. Coordinates are refused if they are so large that their decimals
+    would not be accurate.
     """
     from aosplan.postflight.integral.camera_pose import FARTHEST_M
 

@@ -77,9 +77,7 @@ def output_contents(
     looks: IntegralDisplay,
     averaged: Callable[..., Integral],
 ) -> tuple[dict[str, bytes], tuple[float, float]]:
-    """The content of each file, by path, and two values: the one that is black in a PNG and the one
-    that is white.
-    """
+    """The content of each file, by path, and the values that a PNG shows as black and as white."""
     from aosplan.postflight.integral.seeing import local_contrast, with_scale
 
     shown = integral

@@ -166,7 +166,7 @@ def _request_with_target(
 
 
 def _check_prior(prior: str, wanted: PlanRequest, detection_map: str | None) -> None:
-    """Refuse a prior that nothing uses, or a prior that cannot be read."""
+    """Refuse a prior if no other option uses it or if it cannot be read."""
     from aosplan.files import check_input
 
     if detection_map is None and wanted.order != GAIN:

@@ -159,7 +159,9 @@ def _outputs(
 
 
 def _draw(simulation: Simulation, outputs: list[tuple[str, str]], *, force: bool) -> dict[str, Any]:
-    """Write the pictures. Returns the similarity of each to the image of infinitely many views."""
+    """Write the pictures. Returns the similarity of each picture to the image of infinitely many
+    views.
+    """
     from aosplan.files import write_all
     from aosplan.simulation.compare import pictures
 

@@ -370,7 +370,7 @@ class VerifyOptions(NamedTuple):
 def aggregation_plan(
     scenarios: ScenarioProduct | ScenarioTable, best: str | None, simulated: VerifyOptions | None
 ) -> AggregationPlan:
-    """The summary and sample to compute for a sweep."""
+    """The summary to compute for a sweep, and the rows to sample if they will be simulated."""
     from aosplan.sweeps.grouping import grouping
     from aosplan.sweeps.summary import AggregationPlan
     from aosplan.sweeps.verify import SamplingPlan
@@ -386,7 +386,7 @@ def aggregation_plan(
 def _verified(
     sweep: Sweep, gathered: Aggregates, simulated: VerifyOptions, *, quiet: bool
 ) -> Verification:
-    """Simulate the drawn rows."""
+    """Simulate the rows that were sampled at random."""
     from aosplan.sweeps.verify import verify
 
     assert sweep.gather is not None  # If rows are drawn, `gather` is set.
@@ -411,7 +411,7 @@ def verify_and_print(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    """Simulate the drawn rows, and print the summary as a document or as tables."""
+    """Simulate the sampled rows, and print the summary as a document or as tables."""
     from aosplan.sweeps.summary import summary_document
 
     assert sweep.gather is not None  # The caller has computed a summary, so `gather` is set.

@@ -2,8 +2,8 @@
 
 ``import typer`` also imports 40 modules that make commands from functions.  aosplan makes its
 commands from tables and does not use these modules, which take a fifth of the time of a plain plan.
-Therefore the package ``typer`` is executed only when one of its own names is used, which other code
-may do, and `typer.core` is imported before that.
+Therefore `typer.core` is imported here without executing the package ``typer``.  The package is
+executed later if other code uses one of its own names.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from types import ModuleType
 
 
 class _Unexecuted(ModuleType):
-    """A package that is executed when a name is used that is not one of its modules."""
+    """A package that is executed at the first use of a name other than those of its modules."""
 
     def __getattr__(self, name: str) -> object:
         spec = self.__spec__

@@ -36,7 +36,7 @@ def stop_to_stop_s(length_m: Any, speed_mps: Any, acceleration_mps2: Any, xp: An
     """Time from stop to stop. As a function of time, the speed is a trapezoid, or a triangle if the
     leg is short.
 
-    The arguments are floats, or arrays with numpy as `xp`.
+    The arguments are floats, or arrays if `xp` is numpy.
     """
     trapezoid = length_m / speed_mps + speed_mps / acceleration_mps2
     short = length_m < speed_mps**2 / acceleration_mps2
@@ -109,7 +109,7 @@ class Timing(NamedTuple):
         return max(ramp, self.least_run_in_m) if self.fly_through else 0.0
 
     def at(self, baseline_m: float) -> Timing:
-        """The same settings, with a lower speed if photos would otherwise be taken in intervals
+        """The same settings, with a lower speed if photos would otherwise be taken at intervals
         shorter than `interval_s`.
         """
         if not (self.fly_through and self.interval_s):

@@ -121,8 +121,8 @@ class Terrain:
         return crs_of_wkt(self._raster.crs.to_wkt(), f"terrain '{self.path}'")
 
     def _height_unit_m(self, crs: CRS, units: str | None) -> float:
-        """Metres in the unit of the heights. The unit is given by the user, by the band, or by the
-        vertical axis.
+        """The length [m] of the unit of the heights. The unit is given by the user, by the band, or
+        by the vertical axis.
         """
         if self._raster.dtypes[0].startswith("complex"):
             raise RequestError(f"terrain '{self.path}' contains complex numbers instead of heights")
@@ -211,7 +211,7 @@ class Terrain:
         self, columns: NDArray[Any], rows: NDArray[Any], found: NDArray[Any], part: slice
     ) -> None:
         """Read the heights of some of the points.  If the points do not fit into one window, they
-        are divided in two halves.
+        are divided into two halves.
         """
         import numpy as np
         from rasterio.windows import Window
@@ -345,7 +345,7 @@ def heights_at(
     east_m: Sequence[float] | NDArray[Any],
     north_m: Sequence[float] | NDArray[Any],
 ) -> NDArray[Any]:
-    """Height of the ground at points east and north of an origin [m]."""
+    """Height of the ground [m] at points that are given in metres east and north of an origin."""
     if not len(east_m):
         import numpy as np
 

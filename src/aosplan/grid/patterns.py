@@ -296,8 +296,8 @@ def frame_at(grid: str, index: int, *, lanes: int = 3, lane_pitch: float = 4.0) 
 
 
 def rectangle_at(grid: str, index: Any) -> tuple[Any, Any]:
-    """Rows and columns of the frames at one index or at an array of indices. The grid must not be
-    lanes or a spiral.
+    """Rows and columns of the frames at one index or at an array of indices. The kind of grid
+    must not be ``lanes`` or ``spiral``.
     """
     if grid == "line":
         return 1, index

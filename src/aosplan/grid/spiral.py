@@ -36,7 +36,7 @@ class Spiral(NamedTuple):
 
     @property
     def columns(self) -> int:
-        """The number of sites on that line."""
+        """The number of sites of the spiral, which are all on a single line."""
         return self.samples
 
     @property

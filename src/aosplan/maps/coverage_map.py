@@ -41,8 +41,8 @@ photos. They are tried in this order until the photos close the gaps.
 """
 
 NEAR = 0.01
-"""The mean probability of detection in the gaps may be smaller by this value than after a flight to
-all missing sites.
+"""A flight to all missing sites would give a certain mean probability of detection in the gaps. The
+flight to the chosen sites may give a probability that is lower by at most this value.
 """
 
 
@@ -210,7 +210,8 @@ class Coverage:
         )
 
     def closing(self, points_m: Floats, counted_m: Floats, missing_m: Floats) -> NDArray[np.intp]:
-        """Choose few of the missing sites that together close the gaps as well as all of them.
+        """Choose a small number of the missing sites that close the gaps as well as all of them
+        would.
 
         The result has the indices of these sites in increasing order. Sites are chosen one after
         the other: the next site is always the one that helps the largest number of places.
@@ -295,7 +296,8 @@ class Coverage:
 
 
 def covering(rows: list[Whole], wanted: Whole, sites: int) -> NDArray[np.intp]:
-    """Choose few sites so that each place is seen from as many sites as it needs, if possible.
+    """Choose a small number of sites so that each place is seen from as many sites as it needs, if
+    possible.
 
     Parameters
     ----------

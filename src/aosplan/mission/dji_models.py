@@ -1,8 +1,8 @@
-"""Numbers of drones and cameras in DJI's files.
+"""The numbers that identify drones and cameras in DJI's files.
 
 Source: the product support page of the DJI Cloud API documentation, version 1.14 and as of March
-2026.  The DJI WPML documentation refers to this page. The numbers are in its columns type and
-       sub_type for aircraft, and type for cameras.
+2026.  The DJI WPML documentation refers to this page.  There, the numbers of aircraft are in the
+columns type and sub_type, and the numbers of cameras are in the column type.
 """
 
 from __future__ import annotations

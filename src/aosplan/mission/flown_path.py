@@ -1,7 +1,7 @@
 """The path in a mission file: the points, the speeds, and the commands of the camera.
 
 A mission has a waypoint for every photo. If photos are taken while flying, a file needs only the
-ends of each line and the points at which the height bends. The distance trigger is switched on at
+ends of each line and the points at which its slope changes. The distance trigger is switched on at
 the first photo of a line. It is switched off half a spacing after the last photo. A small error of
 the position then neither drops the last photo nor adds another photo. If the transit is higher than
 the first waypoint, the path starts vertically above this waypoint, because the drone climbs first.
@@ -138,8 +138,8 @@ def _course(start: tuple[float, float], stop: tuple[float, float]) -> tuple[floa
 
 
 def _lines(mission: Mission) -> Iterator[PathPoint]:
-    """Points of lines on which photos are taken while flying: ends, bends, and switches of the
-    trigger.
+    """Points of lines on which photos are taken while flying: the ends of the lines, the points at
+    which the slope changes, and the points at which the trigger is switched.
     """
     points, spacing = list(_points(mission)), mission.settings.spacing_m
     photo = mission.waypoints.photo or [True] * len(points)
@@ -214,7 +214,7 @@ def _apart(one: PathPoint, other: PathPoint) -> float:
 
 
 def _bends(line: Sequence[PathPoint]) -> Iterator[int]:
-    """Indices of the points at which the height along a line bends, by the algorithm of Douglas and
+    """Indices of the points at which the slope of a line changes, by the algorithm of Douglas and
     Peucker (1973).
     """
     along = [_apart(line[0], point) for point in line]

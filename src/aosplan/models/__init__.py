@@ -4,8 +4,8 @@
 - `aosplan.models.uniform`: one volume with occluders of one kind, the model of the paper.
 - `aosplan.models.layered`: independent slices, each with its own height, size and density.
 - `aosplan.models.layered_pairs`, `aosplan.models.layered_noise`, `aosplan.models.layered_slanted`:
-  covariance of pairs of rays through slices: for exact positions, for uncertain positions, and for
-  slanted rays.
+  the covariance of pairs of rays through slices, for exact positions, for uncertain positions, and
+  for slanted rays.
 - `aosplan.models.measured`: the voxels of a stand, with `aosplan.models.plot_interior`.
 - `aosplan.models.equations`: Eq. 1 to 5 of the paper.
 - `aosplan.models.positions`: the shortfall of any set of positions, on a lattice or not.

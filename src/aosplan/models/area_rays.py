@@ -48,16 +48,16 @@ def cube_terms(above: Scene) -> tuple[float, float]:
 
 
 def cubes(above: Scene) -> LogClear:
-    """Make a function that returns the logarithm of the transparency of slices of cubes for the
-    slopes of a ray along x and y.
+    """Make a function of the slopes of a ray along x and y. It returns the logarithm of the
+    transparency of slices of cubes.
     """
     straight, slope = cube_terms(above)
     return lambda x, y: straight + slope * (x + y)
 
 
 def leaves(above: Scene) -> LogClear:
-    """Make a function that returns the logarithm of the transparency of leaves of random direction
-    for the slopes of a ray.
+    """Make a function of the slopes of a ray. It returns the logarithm of the transparency of
+    leaves of random direction.
     """
     straight, _ = cube_terms(above)
     return lambda x, y: straight * np.sqrt(1.0 + x * x + y * y)

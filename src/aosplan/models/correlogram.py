@@ -223,8 +223,8 @@ class CorrelogramModel:
         return expected
 
     def _polar(self, offsets_m: Floats, heading_deg: float) -> tuple[Floats, Floats]:
-        """Lags and directions of offsets. The components of each offset are along the right of a
-        heading and along the heading.
+        """Lags and directions of offsets. Each offset has two components: to the right of a
+        heading, and along the heading.
         """
         right, along = offsets_m.T / self.altitude_m
         return np.hypot(right, along), np.degrees(np.arctan2(right, along)) + heading_deg

@@ -19,8 +19,8 @@ from a random seed.
 are counted (`aosplan.models.plot_interior`).  If they are too few, all places are counted.
 
 The standard error is computed from the four quarters of the counted places.  If all places are
-counted although some of their rays leave the plot, it also contains the difference from the places
-whose rays stay on it.
+counted although some of their rays leave the plot, the standard error also includes the difference
+between the results for all places and for the places whose rays stay on the plot.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def count_detection(
     signal = target.matched * target.kept * shares
 
     def found_in(where: PlotInterior | None) -> tuple[Floats, Floats, float]:
-        """The detector's output, the contrast from which each target is found, and the
+        """The detector's output, the smallest contrast with which each target is found, and the
         threshold.
         """
         its_output, its_base, its_signal = (

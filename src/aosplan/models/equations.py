@@ -182,8 +182,8 @@ def _of_grid(
     columns: Any,
     dhat: Any,
 ) -> Any:
-    """Evaluate elementwise an equation that uses p, T, K and 1 - K of a grid. The result is ``nan``
-    outside the domain.
+    """Evaluate, elementwise, an equation in the quantities p, T, K and 1 - K of a grid. The result
+    is ``nan`` outside the domain.
     """
 
     def kernel(xp: Any, p: Any, t: Any, *grid: Any) -> tuple[Any, Any]:

@@ -41,7 +41,9 @@ subset is used.
 
 
 MOST_TARGETS = 1_000_000
-"""Largest number of targets of a plot that are evaluated beside the middle of the grid."""
+"""Largest number of targets of a plot that are evaluated for each place away from the middle of the
+grid.
+"""
 
 
 class GroundVisibility(NamedTuple):
@@ -199,7 +201,9 @@ def _every(step: int, pattern: AnyPattern, baseline_m: float) -> Iterator[tuple[
 def measured_at(
     model: VisibilityModel, pattern: AnyPattern, baseline_m: float
 ) -> Callable[[float, float], tuple[float, float]]:
-    """p and V of targets beside the middle of a grid over a measured scene."""
+    """Make a function that returns p and V of targets at (x, y) from the middle of a grid over a
+    measured scene.
+    """
     from aosplan.models.measured import MeasuredModel
 
     if isinstance(model, MeasuredModel):

@@ -54,7 +54,9 @@ class InteriorSurrogate:
         self._widest_m = correlogram.reach * altitude_m
 
     def __getattr__(self, name: str) -> Any:
-        """Look up attributes that do not depend on the aperture in the model for a single view."""
+        """Take any other attribute from the model for a single view: it does not depend on the
+        aperture.
+        """
         if name.startswith("_"):  # The module `copy` looks up such names before the models exist.
             raise AttributeError(name)
         return getattr(self._model(0), name)

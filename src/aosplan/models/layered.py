@@ -201,8 +201,8 @@ class LayeredModel:
         return _shortfall_at(points, self._pairs, self.independent_baseline_m)
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
-        """p of samples at known positions, shape (N,). Its values differ, because rays that are
-        slanted more meet more occluders.
+        """p of samples at known positions, shape (N,). Its values differ, because a more slanted
+        ray meets more occluders.
         """
         from aosplan.models.oblique_rays import hidden_shares
 

@@ -281,8 +281,8 @@ class MeasuredModel:
 
     @property
     def widest_aperture_m(self) -> float:
-        """The same distance as `independent_baseline_m`.  Two sites of a grid should not be farther
-        apart along an axis.
+        """The same distance as `independent_baseline_m`.  Along each axis, no two sites of a grid
+        should be farther apart than this.
 
         If only targets whose rays stay on the plot are counted, the extents are measured along the
         axes of the plot; otherwise, along the axes of the grid.

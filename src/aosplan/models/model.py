@@ -40,8 +40,8 @@ RAYS = ("nadir", "oblique", "cubes")
 
 
 def contrast_squared(density: Any, transparency: Any, shortfall: Any) -> Any:
-    """Square of the contrast between target and occluders, divided by the noise that the occluders
-    cause: (1-p)/(p K).
+    """The square of the ratio (contrast between target and occluders) / (noise that the occluders
+    cause): (1-p)/(p K).
     """
     return 1.0 / shortfall * transparency / density
 
@@ -99,7 +99,7 @@ class Prediction(NamedTuple):
 
 
 class VisibilityModel(Protocol):
-    """The methods of a model that the solver uses."""
+    """The methods that a model has to have, because the solver uses them."""
 
     @property
     def name(self) -> str:
@@ -172,7 +172,7 @@ AnyModel = TypeVar("AnyModel", bound=VisibilityModel)
 def at_heading(model: AnyModel, heading_deg: float) -> AnyModel:
     """The same model for patterns at another heading. Both models use the same stored results.
 
-    If the scene does not depend on direction, it is the model itself.
+    If the scene does not depend on direction, the result is this model itself.
     """
     if model.heading_deg in (None, heading_deg):
         return model

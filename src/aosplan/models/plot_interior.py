@@ -35,8 +35,8 @@ class PlotInterior(NamedTuple):
     columns: int
 
     def of(self, values: NDArray[np.float64], volume: VoxelVolume) -> NDArray[np.float64]:
-        """The part of a map of the whole plot that is inside; the last two axes are rows and
-        columns of any pitch.
+        """The part of a map that is inside. The map covers the whole plot, and its last two axes
+        are rows and columns of any pitch.
         """
         rows, columns = volume.occupied.shape[1:]
         down, across = values.shape[-2] / rows, values.shape[-1] / columns
@@ -96,8 +96,8 @@ def counted_part(
     *,
     focal_height_m: float = 0.0,
 ) -> tuple[PlotInterior | None, PlotInterior | None]:
-    """The part of a plot that is counted in the telecentric view, and the interior to which the
-    whole plot is compared.
+    """The part of a plot that is counted in the telecentric view, and the interior with which the
+    result for the whole plot is compared.
 
     Parameters
     ----------

@@ -183,13 +183,13 @@ def overlaps(count: int, dhat: float, spread: float) -> list[float]:
 
 
 def _line_sum(count: int, overlaps: list[float]) -> float:
-    """Sum over all ordered pairs of a line, including each site with itself."""
+    """Sum of the overlaps of all ordered pairs of a line, including each site with itself."""
     apart = ((count - step) * overlaps[step] for step in range(1, len(overlaps)))
     return count * overlaps[0] + 2.0 * math.fsum(apart)
 
 
 def _from_one(index: int, count: int, overlaps: list[float]) -> float:
-    """Sum over the pairs of one site of a line with all sites, including itself."""
+    """Sum of the overlaps of one site of a line with all sites, including itself."""
     before, after = overlaps[1 : index + 1], overlaps[1 : count - index]
     return overlaps[0] + math.fsum(before) + math.fsum(after)
 
@@ -197,7 +197,9 @@ def _from_one(index: int, count: int, overlaps: list[float]) -> float:
 def _pair_sum(
     sites: tuple[tuple[int, int], ...], along_y: list[float], along_x: list[float]
 ) -> float:
-    """Sum over all ordered pairs of a sorted set of sites, including each site with itself."""
+    """Sum of the overlaps of all ordered pairs of a sorted set of sites, including each site with
+    itself.
+    """
     half = 0.0
     for index, (row, column) in enumerate(sites):
         for other_row, other_column in sites[index + 1 :]:

@@ -1,8 +1,8 @@
 """Named targets and signatures, as plain values that are quick to load.
 
 A signature describes the radiances of a target and of the canopy, in units of σ_c, the standard
-deviation between occluders.  No published values are known.  All values are assumed.  Each has a
-range in which the true value is expected to be.
+deviation between occluders.  No published values are known.  All values are assumed.  For each
+value, a range is given in which the true value is expected to be.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ _THROUGH = (
 
 
 class Machine(NamedTuple):
-    """A drone's name and numbers. If the files name a camera, also the camera that it carries."""
+    """A drone: its name, its numbers, and the camera that it carries if the files name a camera."""
 
     name: str
     drone: DjiDrone
