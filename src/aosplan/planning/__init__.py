@@ -23,6 +23,9 @@
 - `aosplan.planning.within`: the search for the best flight within a time, with
   `aosplan.planning.within_shapes`, `aosplan.planning.shape_space`, `aosplan.planning.least_time` and
   `aosplan.planning.within_result`; `aosplan.planning.cheaper_flight`: a hint for long flights.
+- `aosplan.planning.gain_order`: flights in the order of gain per minute over an area with a prior,
+  with `aosplan.planning.gain_places`, `aosplan.planning.block_order` and
+  `aosplan.planning.gain_result`.
 - `aosplan.planning.result`: `Plan`, with its values and its JSON document;
   `aosplan.planning.plan_schema`: the schema of this document.
 - `aosplan.planning.within_altitude`: the best flight at one altitude.
