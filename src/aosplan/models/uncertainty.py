@@ -9,15 +9,17 @@ each of them is the mean over targets of an *influence* z(t). Let s² be the var
 plot, and A the integral of the correlation of z (the *integral range*). The plot then corresponds
 to n = plot area/A independent targets, and the variance of the mean is s²/n (Matheron). The values
 of z are relative to the mean of this plot, not of all plots. The covariance at every lag is
-therefore too small by the variance of the mean of the plot. This variance is added to it.
+therefore too small by the variance of the mean of the plot. This variance is added to the
+covariance at every lag.
 
 **The plot, in perspective.** The rays from all targets to one camera converge, so the rays of an
 aperture cross only a part of the canopy. At another place, the same aperture would see through
-another part. Apertures at four places of the plot are therefore computed. The variance is the sum
-of two terms: the variance of the mean over these apertures, computed as above, and the variance
-between the apertures. Plots also differ in their number of trees. Data from one plot cannot show
-this difference. It changes p̄ and V. It hardly changes V̂, which is relative to p̄. The standard
-errors of p̄ and V are therefore multiplied by `PERSPECTIVE`.
+another part. The prediction is therefore computed for apertures at four places of the plot. The
+variance is the sum of two terms: the variance of the mean over these apertures, computed as above,
+and the variance between the apertures. Plots also differ in their number of trees. Data from one
+plot cannot show this difference. A difference in the number of trees changes p̄ and V. It hardly
+changes V̂, which is relative to p̄. The standard errors of p̄ and V are therefore multiplied by
+`PERSPECTIVE`.
 
 The standard errors were compared with the differences between halves and between quarters of plots,
 for two real plots and for generated stands. About 70 % of the differences are within one standard
@@ -30,15 +32,16 @@ between the predictions for these bounds. The standard error is therefore their 
 by √12. If each voxel with a point is treated as opaque, the result depends on the size of the
 voxels. A user may choose sizes within about one octave. The prediction is therefore compared with
 those for voxels of twice and of half the size, and the standard error is half of the larger
-difference. In a dense stand, this is the difference from smaller voxels, because larger voxels hide
-everything. The prediction for smaller voxels is extrapolated (`finer`).
+difference. In a dense stand, the larger difference is the difference from the prediction for
+smaller voxels, because larger voxels hide everything. The prediction for smaller voxels is
+extrapolated (`finer`).
 
 **Clumps.** Pulses do not resolve clumps that are smaller than the distance between pulses. V̂ is
 therefore too high. `CLUMPS` has the errors for generated stands with known leaves
 (`benchmarks/opacity.py`). They are treated as standard errors.
 
-**Models with statistics** of a point cloud: a model is made from each quarter of the plot, and the
-same sites are predicted with each model. The standard deviation of the four predictions is twice
+**Models with statistics** of a point cloud: a model is made from each quarter of the plot, and each
+model makes a prediction for the same sites. The standard deviation of the four predictions is twice
 the standard error of their mean.
 """
 
@@ -69,7 +72,9 @@ predictions with voxels of twice and of half the size.
 """
 
 STEEPEST = 2.0
-"""Largest exponent of the voxel size in the optical depth: that of the area of a voxel."""
+"""Largest exponent, if the optical depth is described as a power of the voxel size. It is the
+exponent of the area of a voxel.
+"""
 
 PERSPECTIVE = 1.2
 """Factor by which the standard errors of p̄ and V in perspective are multiplied. It is fitted to
@@ -340,7 +345,8 @@ def of_parts(predictions: Sequence[Prediction]) -> Uncertainty:
 
 
 def quarters(volume: VoxelVolume) -> Iterator[VoxelVolume]:
-    """The four quarters of a plot.  A last odd row or column is left out.
+    """The four quarters of a plot.  If the number of rows or columns is odd, the last row or column
+    is left out.
 
     The result is empty if a quarter would have fewer than `SMALLEST_QUARTER` cells along a side.
     """

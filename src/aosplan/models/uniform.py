@@ -148,8 +148,8 @@ class UniformModel(NamedTuple):
         return Prediction(self.density, self.transparency, shortfall)
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
-        """p of samples at known positions, shape (N,). Its values differ, because rays that are
-        slanted more meet more occluders.
+        """p of samples at known positions, shape (N,). The values differ, because rays meet more
+        occluders if they are more slanted.
         """
         from aosplan.models.oblique_rays import hidden_shares
 
@@ -157,7 +157,7 @@ class UniformModel(NamedTuple):
         return hidden_shares(positions_m, self.altitude_m, self.rays, log_t)
 
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Overlap of the occluders of two nadir samples: the product of a triangle along
+        """Overlap of the occluders of two nadir samples: the product of one triangle function along
         each axis.
         """
         if self.slices is not None:
@@ -169,8 +169,8 @@ class UniformModel(NamedTuple):
         return overlap
 
     def at_best(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
-        """The same as `predict`.  If the volume is treated as slices, it is the fast bound of the
-        layered model.
+        """The same as `predict`.  If the volume is treated as slices, the result is the fast upper
+        bound of the visibility from the layered model.
         """
         if self.slices is not None and self.counts_slices(pattern, baseline_m):
             return self._with_own_digits(self.slices().at_best(pattern, baseline_m))

@@ -1,12 +1,13 @@
-"""Second moments of pairs of photos over a target's window, through independent slices.
+"""Second moments of pairs of photos over the window of a target that is seen through independent
+slices.
 
 Consider two rays to points that are δ apart on the ground, from cameras that are Δ apart at the
 altitude h.  In slice j, at the height H_j, the offset of the two rays is
 
     δ (1 - H_j/h) + Δ H_j/h.
 
-The rays share an occluder of size o_j with probability τ_j, which is the product of the triangles
-of this offset along both axes.  With q_j = 1 - D_j, as in `aosplan.models.layered`:
+The rays share an occluder of size o_j with probability τ_j, which is the product of the triangle
+functions of this offset along x and along y.  With q_j = 1 - D_j, as in `aosplan.models.layered`:
 
 - both rays are free with probability Q(δ, Δ) = Π_j (q_j² + D_j q_j τ_j);
 - the first occluder of both rays is the same one with probability C(δ, Δ) = Σ_j [Π_above (q² + D q
@@ -47,7 +48,7 @@ updated after each block.
 """
 
 MOST_SLICES = 160
-"""Largest number of slices. If there are more slices, neighbours are merged."""
+"""Largest number of slices. If there are more slices than this, neighbouring slices are merged."""
 
 SERIES = 6
 """Largest number of terms of the series for the logarithm."""
@@ -282,7 +283,9 @@ def _gaussian(offset: Floats, length: float) -> Floats:
 
 
 def merged(layers: Sequence[Layer], most: int) -> tuple[Layer, ...]:
-    """The slices that are not empty. If they are more than `most`, neighbours are merged."""
+    """The slices that are not empty. If there are more than `most` of them, neighbouring slices are
+    merged.
+    """
     from aosplan.scenes.scene import Layer
 
     filled = [layer for layer in layers if layer.density > 0.0]

@@ -24,7 +24,8 @@ WIRED = ("aos-", "flir-", "gopro-", "sony-")
 
 
 def with_drone_file(values: Mapping[str, Any], folder: str) -> dict[str, Any]:
-    """The options with the full path of a drone file.  The file is looked for in `folder` first.
+    """The options, in which the name of a drone file is replaced by its full path.  The file is
+    looked for in `folder` first.
 
     The path is needed because a request reads its drone before it knows the folder of its other
     files.

@@ -1,4 +1,4 @@
-"""The order of blocks of a flight in which a target is found early.
+"""The order in which the blocks of a flight are flown so that a target is found early.
 
 A *block* is a part of a flight over an area that is flown in one piece, in one of two directions.
 The photos of a block add to those of the blocks before it, because a place may need photos of
@@ -6,11 +6,11 @@ several blocks.  If the target is found at all, it is found by the time t with t
 P(t) / P(end), where P is the probability of success.  The mean time until it is found is therefore
 the integral of 1 - P(t) / P(end).  P is assumed to be linear within a block.
 
-An order is built by repeatedly adding the block with the largest gain of P per time, including the
-way to it.  This is done for each possible first block.  The best orders are then improved by moving
-and exchanging blocks and by reversing parts, until no such change is better.  If there are no
-ways and the gains of the blocks are independent, the order by gain per time is optimal (Smith, 1956,
-Various optimizers for single-stage production).
+An order is built by repeatedly adding the block with the largest gain of P per time.  This time
+includes the way to the block.  This is done for each possible first block.  The best orders are
+then improved by moving and exchanging blocks and by reversing parts, until no such change improves
+them further.  If the ways between blocks take no time and the gains of the blocks are independent,
+the order by gain per time is optimal (Smith, 1956, Various optimizers for single-stage production).
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     Whole = NDArray[np.int64]
 
 LEVELS = 100
-"""Number of steps in which the share of the photos of a place is stored."""
+"""Number of steps into which the share of the photos of a place is divided. The probability of
+detection is stored for each step.
+"""
 
 STARTS = 3
 """Number of orders by gain per time that are improved."""
@@ -62,7 +64,7 @@ class Places(NamedTuple):
     found: Floats
 
     def success(self, counts: Whole) -> Floats:
-        """Probability of success if some photos have been taken.
+        """Probability of success after the given numbers of photos have been taken.
 
         Parameters
         ----------
@@ -92,12 +94,12 @@ class Blocks(NamedTuple):
     ends_m: Floats
 
     def start(self, block: int, way: int) -> tuple[float, float]:
-        """The point at which a block begins that is flown in a direction."""
+        """The point at which a block begins if it is flown in the given direction."""
         east, north = self.ends_m[block, way].tolist()
         return east, north
 
     def stop(self, block: int, way: int) -> tuple[float, float]:
-        """The point at which it ends."""
+        """The point at which a block ends if it is flown in the given direction."""
         return self.start(block, 1 - way)
 
 
@@ -164,8 +166,9 @@ class BlockOrder:
     # --- Value of an order ---
 
     def value(self, order: Order) -> tuple[float, float]:
-        """Probability of success within the time, and minus the mean time [s] until the target is
-        found.  Larger values are better; the first one is more important.
+        """Probability of success within the time, and the negative of the mean time [s] until the
+        target is found.  Larger values are better, and the first value is more important than the
+        second.
         """
         steps = self._steps(order)
         counts = np.cumsum(self.blocks.counts[[block for block, _ in order[: len(steps)]]], axis=0)
@@ -241,8 +244,8 @@ class BlockOrder:
     # --- Search ---
 
     def built(self, usual: Order) -> list[Order]:
-        """The usual order, and for each first block the better order by gain per time.  The best
-        order is the first one.
+        """The usual order, and for each block the better of the two orders by gain per time that
+        begin with it: one for each direction of the block.  The best order is the first one.
         """
         greedy = [
             max((self._greedy((block, way)) for way in (0, 1)), key=self.value)

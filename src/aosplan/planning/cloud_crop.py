@@ -60,8 +60,8 @@ def crop_of_plan(
 ) -> Crop | None:
     """The ground around a plan; None if the plan has no location.
 
-    It is the area, or else the ground that photos from the middle and along a line show, plus a
-    margin of `RAYS_M`.
+    It contains the area of the plan. If the plan has no area, it contains the ground that a photo
+    from the middle and the photos along a line show. A margin of `RAYS_M` is added.
     """
     from aosplan.scenes.files.crop import Crop
 

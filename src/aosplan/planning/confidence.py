@@ -115,7 +115,7 @@ def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution)
 
 def coarsened(volume: VoxelVolume) -> VoxelVolume:
     """A volume of voxels of twice the size.  A large voxel is occupied if at least one of its eight
-    voxels is.
+    small voxels is occupied.
     """
     occupied = volume.occupied
     for axis in range(3):

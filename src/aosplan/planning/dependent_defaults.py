@@ -18,13 +18,13 @@ OWN_SIGNATURE = ("contrast", "canopy_offset", "crown_share")
 """Options that describe a signature by numbers.  They are given together."""
 
 OPEN = "best"
-"""Value with which an option is left to a search."""
+"""Value of an option for which a search chooses the value."""
 
 OF_LANES = ("lanes", "lane_pitch")
 """Options of lanes."""
 
 LANE_OPTIONS = {"lanes": OF_LANES, "spiral": ("lane_pitch",), "best": OF_LANES}
-"""The options of lanes that have a default, by kind of grid."""
+"""The options of lanes that have a default, for each kind of grid that has such options."""
 
 BEST = ("visibility", "contrast", "detection")
 """Objectives that a search maximises within the time.  They need no target."""

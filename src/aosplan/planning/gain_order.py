@@ -1,10 +1,11 @@
 """The order of a flight over an area by the gain of the probability of success per minute
 (``--order gain``).
 
-The sites of the usual order are divided into blocks: some lines that follow each other, or parts of
-such lines.  Several divisions are tried.  `aosplan.planning.block_order` searches the order of the
-blocks of each division.  The orders are compared with their exact flight times, and the usual order
-is kept if none is better.  With a longest time, the lines that do not fit into it are left out.
+The sites of the usual order are divided into blocks.  A block consists of some consecutive lines,
+or of parts of such lines.  Several divisions are tried.  `aosplan.planning.block_order` finds
+orders of the blocks for each division.  The orders are compared with their exact flight times, and
+the usual order is kept if none is better.  With a longest time, the lines that do not fit into it
+are left out.
 """
 
 from __future__ import annotations
@@ -53,8 +54,8 @@ IMPROVED = 2
 """Number of divisions whose orders are improved, and whose flight times are computed exactly."""
 
 SLACK = 1.1
-"""Factor of the bound of the probability of success, because some places are in more photos than a
-grid has.
+"""Factor by which the bound of the probability of success is multiplied. It is needed because some
+places are in more photos than a grid has.
 """
 
 
@@ -70,7 +71,9 @@ class _Flown(NamedTuple):
 
 
 class _Search(NamedTuple):
-    """The photos of each block, the search for an order, and its first orders."""
+    """The photos of each block, the search for an order, and the orders with which the search
+    begins.
+    """
 
     division: list[Whole]
     search: BlockOrder
@@ -82,14 +85,15 @@ class _Search(NamedTuple):
         return self.search.value(self.orders[0])
 
     def photos(self, order: Order) -> Whole:
-        """The photos in an order of the blocks."""
+        """The photos in flight order, for an order of the blocks."""
         return np.concatenate([self.division[block][:: 1 - 2 * way] for block, way in order])
 
 
 def most_success(
     inputs: PlanInputs, flights: Sequence[WholeFlight], longest_s: float
 ) -> Iterator[tuple[float, PlanRequest]]:
-    """Yield bounds of the probability of success of the first parts of flights over an area.
+    """Yield, for each flight over the whole area, a bound of the probability of success of its
+    first part.
 
     A flight that takes the time T sees at most the share t / T of the area within the time t.  The
     bound assumes that this is the part of the area in which the target is most probable.
@@ -270,7 +274,7 @@ class GainOrder:
         ]
 
     def _divided(self, bands: int, blocks: int) -> list[Whole]:
-        """The photos of each block, in their order: some lines of one band."""
+        """The photos of each block, in their order. A block consists of some lines of one band."""
         along = self._points_m @ np.array(self._course)
         low, high = float(along.min()), float(along.max())
         band = np.minimum(((along - low) / max(high - low, 1e-9) * bands).astype(int), bands - 1)

@@ -1,8 +1,9 @@
 """Places of an area for an order by gain: where the target is expected, and how well it is found
 there.
 
-The order is searched with coarse places and with the share of its photos that a place has.  The
-probability of success is computed with the finer cells of a detection map.
+In the search for the order, places are coarse, and the probability of detection at a place depends
+only on the share of its photos that have been taken.  The probability of success is computed with
+the finer cells of a detection map.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ MOST_PLACES = 400
 """Approximate largest number of places for which orders are compared."""
 
 PARTS = (0.25, 0.5, 0.75)
-"""Parts of the photos of the first line that sees a place, for which detection is predicted."""
+"""Shares of the photos that the first line takes of a place. Detection at the place is also
+predicted after these shares have been taken.
+"""
 
 
 class GainPlaces:
@@ -87,7 +90,7 @@ class GainPlaces:
         return float(self._shares.sum())
 
     def success(self, photos: Whole) -> float:
-        """Probability of success with some photos."""
+        """Probability of success if only the given photos are taken."""
         return float(self._shares @ self._by_place(photos))
 
     def counts(self, parts: Sequence[Whole]) -> Whole:
@@ -95,8 +98,8 @@ class GainPlaces:
         return _counts(self._sets, parts, len(self._points_m))
 
     def covered(self, photos: Whole) -> tuple[float, int]:
-        """Share of the area that all of its photos show if only some are taken, and the smallest
-        number of photos of a place.
+        """Share of the area whose places are seen in all their planned photos if only the given
+        photos are taken, and the smallest number of these photos that see a place.
         """
         places = self._cells.middles_m[self._cells.inside_rows]
         sets = self._sets_of(places, self._points_m)
@@ -124,10 +127,11 @@ class GainPlaces:
         return np.column_stack(centres), mass[kept]
 
     def _found_by_share(self, places_m: Floats, lines: Sequence[Whole]) -> Floats:
-        """Probability of detection with a share of the photos of a place, divided by that with all.
+        """Probability of detection with a share of the photos of a place, divided by the
+        probability with all photos of this place.
 
-        It is computed for the most important place that has as many photos as most places, and for
-        photos in their order.
+        It is computed for the most important of the places that have the most common number of
+        photos, and with the photos in flight order.
         """
         photos, weights = self.places.photos, self.places.weights
         usual = np.flatnonzero(photos == np.bincount(photos[photos > 0]).argmax())

@@ -1,11 +1,11 @@
 """Guided positions: sites that are chosen for one place with a point cloud of this place.
 
-The candidates are the positions of a lattice whose photo shows the whole target area and whose
-lines of sight to the area stay above the plot. The sites are chosen with the voxels of one half of
-the pulses (`aosplan.solver.guided_sites`). The prediction is made with the voxels of the other
-half. Otherwise, the prediction would be too high, because some of the chosen sites are only good by
-chance in the voxels that they were chosen with. Both halves have some blind spots in common: voxels
-that no pulse has passed. The choice therefore assumes dense foliage in these voxels.
+The candidates are positions of a lattice. From each of them, a photo shows the whole target area,
+and the lines of sight to the area stay above the plot. The sites are chosen with the voxels of one
+half of the pulses (`aosplan.solver.guided_sites`). The prediction is made with the voxels of the
+other half. Otherwise, the prediction would be too high, because some of the chosen sites are good
+only by chance in the voxels with which they were chosen. Both halves have some blind spots in
+common: voxels that no pulse has passed. The choice therefore assumes dense foliage in these voxels.
 
 Plain grids are chosen and predicted with the same halves, for comparison. Their longest flight time
 is the time of the request, or else the flight time of the guided positions. Guided positions are
@@ -242,7 +242,7 @@ class _Planner:
         return self._within(60.0 * within, min(found, bounds.max_samples or MOST_SAMPLES))
 
     def _within(self, longest_s: float, most: int) -> Tour:
-        """The sites with the highest visibility that can be flown within a time."""
+        """The sites with the highest visibility that can be flown within a given time."""
         low, high = 0, most + 1
         while high - low > 1:
             middle = (low + high) // 2

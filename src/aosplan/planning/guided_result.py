@@ -13,8 +13,8 @@ CHOSEN_WITH, PREDICTED_WITH = "first half of the pulses", "second half of the pu
 
 
 class PlainFlight(NamedTuple):
-    """A plain grid at the same place, flown in at most the time of the request or of the guided
-    positions.
+    """A plain grid at the same place that takes at most the time of the request, or at most the
+    time of the guided positions.
 
     Attributes
     ----------

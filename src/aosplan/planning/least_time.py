@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from aosplan.planning.route import FlightInputs
 
 BOTH_WAYS = ((1.0, 0.0), (-1.0, 0.0))
-"""The two courses of lines, along the heading and opposite to it, as (along, across)."""
+"""The two directions in which lines are flown, along the heading and opposite to it, as vectors
+(along, across).
+"""
 
 
 class FlownLines(NamedTuple):

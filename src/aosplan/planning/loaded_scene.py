@@ -204,7 +204,7 @@ def cloud_files(name: str) -> tuple[str, ...]:
 
 
 def _check_unread(request: PlanRequest, options: Iterable[str]) -> None:
-    """Refuse options for reading that do not apply to the scene."""
+    """Refuse options for the reading of scene files that do not apply to the scene."""
     for option in options:
         if getattr(request, option) is not None:
             kind = "canopy height raster" if option == "crown_base" else "point cloud"

@@ -26,15 +26,17 @@ if TYPE_CHECKING:
 
 
 SEARCH, RANGE = "search", "range"
-"""Names in conditions: the request needs a search over flights; its altitude is a range."""
+"""Names of two conditions on the whole request: the first is met if the request needs a search over
+flights, and the second is met if its altitude is a range.
+"""
 
 
 class Condition(NamedTuple):
     """A condition on one option.
 
     It is written as ``name`` (the option is given), ``name=VALUE|VALUE`` (it has one of these
-    values) or ``name!=VALUE|VALUE`` (it is given and has another value).  After ``name!=`` without
-    values, it has any value.
+    values) or ``name!=VALUE|VALUE`` (it is given and has another value). If no values follow
+    ``name!=``, the condition is met by every value.
     """
 
     option: str
@@ -43,7 +45,7 @@ class Condition(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> Condition:
-        """The condition of a text."""
+        """The condition that a text describes."""
         option, _, allowed = text.partition("=")
         values = tuple(allowed.split("|")) if allowed else ()
         return cls(option.removesuffix("!"), values, option.endswith("!"))
@@ -56,7 +58,9 @@ class Condition(NamedTuple):
         return not self.values or (str(value) in self.values) is not self.others
 
     def shown(self, values: Mapping[str, Any]) -> str:
-        """The option in messages, with its value if the condition is on the value."""
+        """The option as it is named in messages, with its value if the condition depends on the
+        value.
+        """
         flag = flag_of(self.option, values)
         return f"{flag} {values[self.option]}" if self.values or self.others else flag
 
@@ -111,13 +115,13 @@ def _same(options: str) -> Relation:
 
 
 def _against(given: str, others: str) -> Relation:
-    """Options that contradict the parts of another description of the same thing."""
+    """Options that contradict options of another description of the same thing."""
     message = "{given} and {others} contradict each other"
     return _rule(given, EXCLUDES, others, message, "give only one of them", yields=True)
 
 
 def _unguided(given: str, reason: str) -> Relation:
-    """An option, or other values of it than those that guided positions allow."""
+    """An option, or a value of an option, that cannot be used with guided positions."""
     message = "{given} cannot be used with {others}, because " + reason
     hint = "leave {flags} out, or give another --grid"
     return _rule(given, EXCLUDES, "grid=guided", message, hint)
@@ -326,7 +330,8 @@ OWN_CAMERA = (
 """Options that describe a camera."""
 
 AIRCRAFT = ("drone", "payload", "autopilot", "camera_control")
-"""Options that name the aircraft, which determines other options if one of these is given."""
+"""Options that name the aircraft. If one of them is given, the aircraft determines other options.
+"""
 
 BROUGHT_BY_DRONE = (
     "speed",
@@ -434,8 +439,8 @@ def _overridden(
 
 
 def with_partners(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
-    """The options of a layer, without the options whose partner is neither in the layer nor in the
-    request.
+    """The options of a layer, without those that need another option that is neither in the layer
+    nor in the request.
     """
     together = {**own, **asked}
     unpaired = {

@@ -1,10 +1,9 @@
-"""Plain grids that are compared with guided positions: they are above the same place and take at
+"""Plain grids that are compared with guided positions. They are above the same place and take at
 most the same time.
 
 The grids are lanes, single lines, squares and trimmed grids along the heading, on the lattice of the
 candidates and around the middle of the target area, with photos at stops or while flying.  Their
-rows, columns and spacings are chosen with the half of the pulses that the guided positions were
-chosen with.
+rows, columns and spacings are chosen with the same half of the pulses as the guided positions.
 """
 
 from __future__ import annotations
@@ -67,7 +66,7 @@ def plain_flights(
     model: PlaceModel,
     dense: PlaceModel,
 ) -> tuple[PlainFlight, ...]:
-    """Find the best grid of each kind within a time. The grids are ordered by visibility, the
+    """Find the best grid of each kind within a given time. The grids are ordered by visibility, the
     highest first.
 
     Parameters

@@ -264,7 +264,7 @@ class SeenShareDocument(OpenDocument):
 
 
 class WithinRowDocument(OpenDocument):
-    """The best plan within a time.  It has no flight data if no plan is possible."""
+    """The best plan within a given time.  It has no flight data if no plan is possible."""
 
     within_min: Finite
     found: bool
@@ -280,7 +280,7 @@ class WithinRowDocument(OpenDocument):
 
 
 class WithinDocument(OpenDocument):
-    """Result of a search within a time (`aosplan.planning.within`)."""
+    """Result of a search within a given time (`aosplan.planning.within`)."""
 
     minutes: Finite
     asked: bool
@@ -362,7 +362,7 @@ class DetectionDocument(OpenDocument):
 
 
 class PlainFlightDocument(OpenDocument):
-    """A plain grid within the same time as guided positions."""
+    """A plain grid that takes at most the same time as guided positions."""
 
     kind: Literal["lanes", "line", "square", "trimmed"]
     trigger: Literal["stop", "distance"]
@@ -397,7 +397,8 @@ class GuidedDocument(OpenDocument):
 
 
 class ReciprocalMapDocument(OpenDocument):
-    """How much of a target area camera positions see (`aosplan.maps.reciprocal_map`)."""
+    """How much of a target area is visible from camera positions (`aosplan.maps.reciprocal_map`).
+    """
 
     target_area_m2: Finite
     targets: int

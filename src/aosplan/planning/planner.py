@@ -183,7 +183,7 @@ def _searched(
     progress: Callable[[int, int], None] | None,
     loaded: LoadedScene | None,
 ) -> Plan:
-    """Search within a time, and plan with the options that the search chooses."""
+    """Search within a given time, and plan with the options that the search chooses."""
     from aosplan.planning.within import choose_flight
 
     found = loaded or load_scene(request, folder=folder, progress=progress)
@@ -206,10 +206,11 @@ def _searched(
 def _part_by_gain(
     request: PlanRequest, folder: str, found: LoadedScene
 ) -> tuple[Plan, WithinResult]:
-    """The flight with the highest probability of success within a time.
+    """The flight with the highest probability of success within a given time.
 
-    It is a flight over the whole area, or the first part of a longer one that finds more at each
-    place.  Longer flights that cannot have a higher probability are not planned.
+    It is a flight over the whole area, or the first part of a longer flight with a higher
+    probability of detection at each place.  Longer flights that cannot have a higher probability
+    are not planned.
     """
     from aosplan.planning.gain_order import GainOrder, most_success
     from aosplan.planning.within import choose_flights

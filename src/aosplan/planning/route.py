@@ -42,11 +42,12 @@ class Route(NamedTuple):
     split.
 
     `length_m` and `time_s` are the length and the time of the path from the first photo to the
-    last. `closer_by_m` and `farther_by_m` are the largest deviations of the height above ground
-    between two waypoints, below and above the height at these waypoints. `highest_way_m` is the
-    greatest height above ground on the paths from the take-off point and back to it. Heights of the
-    ground are above `datum`. `wind_delay_s` has two times: the time that the wind adds to `time_s`,
-    and the time that it adds to all flights from take-off to landing. It is None without wind.
+    last. `closer_by_m` and `farther_by_m` describe the height above ground between two waypoints.
+    They are the largest amounts by which it is below and above the height at these waypoints.
+    `highest_way_m` is the greatest height above ground on the paths from the take-off point and
+    back to it. Heights of the ground are above `datum`. `wind_delay_s` has two times: the time that
+    the wind adds to `time_s`, and the time that it adds to all flights from take-off to landing. It
+    is None without wind.
 
     The take-off point is None if nothing depends on it.
     """

@@ -124,7 +124,7 @@ def _posed(inputs: PlanInputs, quantity: str, factor: float) -> Problem | None:
 
 
 def changed(scene: Scene, quantity: str, factor: float) -> Scene:
-    """A scene with one of its quantities multiplied.
+    """A scene in which one of the quantities is multiplied by a factor.
 
     Parameters
     ----------
