@@ -397,8 +397,7 @@ class GuidedDocument(OpenDocument):
 
 
 class ReciprocalMapDocument(OpenDocument):
-    """How much of a target area is visible from camera positions (`aosplan.maps.reciprocal_map`).
-    """
+    """How much of a target area is visible from each position (`aosplan.maps.reciprocal_map`)."""
 
     target_area_m2: Finite
     targets: int
