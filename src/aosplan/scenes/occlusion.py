@@ -1,4 +1,4 @@
-"""Occlusion: computes the targets on the ground that a view from above sees through a volume of
+"""Occlusion: computes which targets on the ground a view from above sees through a volume of
 voxels.
 
 **Targets** are on the focal plane.  There are k x k targets per voxel column, each in the middle of
@@ -15,13 +15,13 @@ side.
 
 **Cells.**  In a slice of cubes, a ray meets the cell at its bottom and the cell at its top. If these cells differ along both axes, the ray also meets one of the two cells between them. It is the neighbour of the first cell along the axis on which the view is more oblique (in perspective: along x). This number of cells is correct if a ray crosses at most one face between cells per slice and axis. The choice between the two cells makes no difference on average.
 
-**Plates.**  The cells of a volume from laser pulses are plates. A ray at the angle θ meets the cell at the middle of each slice. In a share sec θ - 1 of the slices, it also meets a neighbouring cell. The optical depth therefore increases with the length of the path. In perspective, the sum of the shares of both axes is used instead. It is larger than sec θ - 1 by about the product of the two shares.
+**Plates.**  The cells of a volume from laser pulses are plates. A ray at the angle θ meets the cell at the middle of each slice. In a share sec θ - 1 of the slices, it also meets a neighbouring cell. The optical depth therefore increases with the length of the path. For perspective views, sec θ - 1 is replaced by the sum of the shares along both axes.  This sum is larger than sec θ - 1 by about the product of the two shares.
 
 **Telecentric views are shifts.** At the height H, the rays of all targets are shifted by the same
 vector c H/h, which is rounded to whole targets.  A view is then the bitwise OR of shifted slices,
 and no rays are traced.  Targets along x are bits of octets, and octets along y are adjacent in
-memory.  A shift along x by less than an octet is computed once for all views that need it.  Each
-other shift is an offset in memory, and needs only an OR with one contiguous piece of memory.
+memory.  A shift along x by less than an octet is computed once for all views that need it.  All
+other shifts are offsets in memory: each needs only an OR with one contiguous piece of memory.
 
 **Perspective views are also scaled.**  The position of a ray along x depends only on the x of camera
 and target, and its position along y only on their y.  Octets of columns are therefore selected once
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     Octets = NDArray[np.uint8]
     Words = NDArray[np.uint64]
     Met = tuple[list[Octets], list[NDArray[np.intp]]]
-    """Octets that targets meet, by camera along x, and rows of these, by camera along y."""
+    """For each camera along x, the octets that targets meet; along y, the rows of these octets."""
 
 ViewKind = Literal["telecentric", "perspective"]
 
@@ -311,7 +311,7 @@ class Occlusion:
             self._merge(masks[group], tiles, places[:, group], kept=kept)
 
     def _merge(self, masks: Octets, tiles: _Tiles, places: NDArray[np.intp], *, kept: bool) -> None:
-        """Set masks of some views by an OR of tiles; places have the shape (slices, views, 3)."""
+        """Set the masks of views to the OR of tiles.  `places` has shape (slices, views, 3)."""
         views, width, rows = masks.shape
         size = (width - 1) * tiles.stride + rows
         hidden = np.zeros((views, width * tiles.stride), dtype=np.uint8)
@@ -343,7 +343,7 @@ class Occlusion:
         return _Tiles(row, rows, lows, (span_x, span_y), octets, [{} for _ in lows])
 
     def _tile(self, tiles: _Tiles, level: int) -> Octets:
-        """Flat array of the targets of a slice, from the lowest shift of the views on."""
+        """Flat array of the targets of a slice, which begins at the lowest shift of the views."""
         low_x, low_y = tiles.lows[level].tolist()
         rows, columns = self._plot
         first = (low_x + self._window.column) % columns // 8
@@ -404,7 +404,7 @@ class Occlusion:
         masks[...] = hidden.transpose(0, 2, 1)
 
     def _met_plates(self, east: Axis, north: Axis) -> Iterator[Met]:
-        """What rays meet in slices of plates."""
+        """The octets and rows that rays meet in slices of plates."""
         per_cell = self._per_voxel * self._cell_voxels
         for levels in _parts(self._filled, east, north):
             heights = 0.5 * (self._faces[levels] + self._faces[levels + 1])
@@ -420,7 +420,7 @@ class Occlusion:
                 yield columns.hidden(octets, place), lines
 
     def _met_cubes(self, east: Axis, north: Axis) -> Iterator[Met]:
-        """What rays meet at the faces between slices of cubes."""
+        """The octets and rows that rays meet at the faces between slices of cubes."""
         filled = set(self._filled.tolist())
         for faces in _parts(np.union1d(self._filled, self._filled + 1), east, north):
             all_faces = np.union1d(faces, faces + 1)
@@ -442,7 +442,7 @@ class Occlusion:
     def _slices(
         self, merged: list[tuple[int, ...]], lines: list[NDArray[np.intp]]
     ) -> tuple[list[Octets], list[NDArray[np.intp]]]:
-        """Octets from each column of merged slices, and the rows of these octets that targets meet.
+        """Octets that begin at each column of merged slices, and the rows that targets meet.
 
         Parameters
         ----------
@@ -461,7 +461,7 @@ class Occlusion:
         return octets, list(places.reshape(len(lines), *lines[0].shape))
 
     def _from_each_column(self, levels: tuple[int, ...]) -> Octets:
-        """Octets from each column of merged slices.  They are stored if the volume is not too large."""
+        """Octets that begin at each column of merged slices, stored if the volume is not too large."""
         found = self._from_each.get(levels)
         if found is None:
             found = from_each_column(self._merged(levels))

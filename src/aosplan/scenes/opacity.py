@@ -12,8 +12,8 @@ point).
 """
 
 SPARSE_POINTS_PER_M2 = 20.0
-"""A cloud with fewer points per square metre is sparse. Such a cloud was recorded from an aircraft,
-because terrestrial and photogrammetric clouds are denser.
+"""A cloud with fewer points per square metre than this is sparse. Such a cloud was recorded from an
+aircraft, because terrestrial and photogrammetric clouds are denser.
 """
 
 TEXTS = ("source", "reason", "energy")

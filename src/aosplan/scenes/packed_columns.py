@@ -7,9 +7,9 @@ column, from column 0 on.
 Rays to one camera converge. Eight neighbouring targets therefore meet at most eight neighbouring
 columns. Each target meets the same column as the target before it, or the next column. Let x be the
 column that target 0 meets, and let k be the number of targets from 1 to i that meet the same column
-as the target before them. Target i then meets column x + i - k. This is bit i of the octet from
-column x - k on. The result for eight targets is therefore a bitwise OR of a few octets of the
-slice. From each of these octets, only the bits of the targets with the same k are used.
+as the target before them. Target i then meets column x + i - k. This is bit i of the octet that
+begins at column x - k. The result for eight targets is therefore a bitwise OR of a few octets of
+the slice. From each of these octets, only the bits of the targets with the same k are used.
 """
 
 from __future__ import annotations

@@ -58,8 +58,8 @@ class Axis(NamedTuple):
         return self.camera[:, 0] / self.altitude
 
     def met(self, heights: Floats) -> NDArray[np.intp]:
-        """Columns of targets above which the rays are when they reach the given heights, shape
-        (heights, cameras, count).
+        """The columns of targets above which the rays are at the given heights, shape (heights,
+        cameras, count).
 
         Parameters
         ----------

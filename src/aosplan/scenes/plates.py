@@ -56,7 +56,7 @@ def shifts(offsets: Floats, slope: Floats, middle: Floats, per_cell: int) -> NDA
 
 
 def seconds(slant: Floats, slope: Floats, across: int, levels: NDArray[np.intp]) -> Sides:
-    """The second cell, along one axis, that perspective rays meet in some slices.
+    """The second cell along one axis, which perspective rays meet in some slices.
 
     Parameters
     ----------

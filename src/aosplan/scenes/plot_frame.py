@@ -45,8 +45,8 @@ class PlotFrame(NamedTuple):
         return np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
 
     def onto_plot(self, points_m: Floats) -> Floats:
-        """Convert points (east, north) of the origin to points (x, y) from the middle of the plot,
-        shape (N, 2).
+        """Convert points (east, north) relative to the origin to points (x, y) relative to the
+        middle of the plot, shape (N, 2).
         """
         away: Floats = points_m - np.array([self.east_m, self.north_m])
         return away @ self._axes

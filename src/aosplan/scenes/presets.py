@@ -9,8 +9,9 @@ The numbers of a preset were chosen as follows, unless its texts say otherwise:
 
 - ``integrated_density`` is one minus the gap fraction of vertical rays (:func:`gap_fraction`).  It
   is computed from a published leaf area index (one-sided; half of the total surface for needles; m²
-  per m² of ground) and a clumping index.  Wood behind leaves is not added.  The errors of leaf area
-  and clumping are estimated as 20 % each.  The error of p is then 0.1 in the middle of its range.
+  per m² of ground) and a clumping index.  The area of wood is not added to the leaf area.  The
+  errors of leaf area and clumping are estimated as 20 % each.  The error of p is then 0.1 in the
+  middle of its range.
 - ``volume_base_m`` determines the baseline, because the lowest occluders need the largest baseline.
   It is a mean height of the crown base, or is fitted to a measured profile of leaves above 2 m.
   Dead branches, young trees and shrubs below this height are not included.  If they matter, use a

@@ -6,11 +6,11 @@ both of two views. These shares are means over the targets of a plot. A tile wit
 
 **Lattices.** The sample consists of sixteen lattices. Each has one target in every M-th voxel along
 both axes. The lattices differ in the voxel at which they start and in the position of the target
-within its voxel. The position is one of 4 x 4, and all parts of a voxel are represented equally.
-This matters for targets that are hidden in both of two views at a short distance. M is odd, or 2.
-The period of the lattices is then rarely the same as the distance of trees planted in rows.
-Lattices have a smaller error than randomly drawn targets, because neighbouring targets are
-correlated.
+within its voxel. There are 4 x 4 positions, which represent all parts of a voxel equally.  This
+matters for the share of targets that are hidden in both of two views if the cameras of these views
+are close together. M is odd, or 2.  The period of the lattices is then rarely equal to the distance
+between planted rows of trees.  Lattices have a smaller error than randomly drawn targets, because
+neighbouring targets are correlated.
 
 **Views are shifts**, as in `aosplan.scenes.occlusion`. A lattice that is shifted by n voxels meets
 every M-th voxel, beginning with voxel n mod M. Each slice is therefore sorted once into M x M
@@ -151,7 +151,9 @@ class SampledOcclusion:
         return first, (end[0] - first[0], end[1] - first[1])
 
     def _inside(self, window: PlotWindow) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Masks of the places of each lattice along x, and along y, that are in a window."""
+        """For each lattice, the places along x that are in a window, and the places along y, as
+        masks.
+        """
         lengths = self._padded, 8 * self._height
         bounds = (window.column, window.columns), (window.row, window.rows)
         inside = []

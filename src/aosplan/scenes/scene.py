@@ -122,8 +122,8 @@ class UniformScene:
     def slices(self, most: int | None = None) -> tuple[Layer, ...]:
         """The volume as slices that are one occluder thick (Eq. 1).
 
-        There are l/o slices, rounded up, but at most `most`. All slices have the same density, with
-        which the volume has the same transparency as before.
+        There are l/o slices, rounded up, but at most `most`. All slices have the same density. It
+        is chosen so that the transparency of the volume does not change.
         """
         count = max(1, math.ceil(self.volume_height_m / self.occluder_size_m - 1e-9))
         if most is not None:
@@ -283,9 +283,9 @@ class LayeredScene:
     def with_density_of(self, other: LayeredScene) -> LayeredScene:
         """These layers, with a measured density that is taken from other layers of the same stand.
 
-        The optical depth -ln(1 - p) of the other measured density is scaled. The factor is the
-        ratio of the optical depths of these layers and of the other layers, both computed with
-        independent slices.
+        The optical depth -ln(1 - p) of the measured density of the other layers is multiplied by a
+        factor. This factor is the optical depth of these layers divided by the optical depth of the
+        other layers, both computed with independent slices.
         """
         measured, whole = other.measured_density, other.log_transparency
         if measured is not None and 0.0 < measured < 1.0 and whole < 0.0 and math.isfinite(whole):

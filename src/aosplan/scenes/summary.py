@@ -88,7 +88,7 @@ def _fine_slabs(scene: Scene) -> tuple[Slab, ...]:
 
 
 def _mean_density(scene: Scene) -> float:
-    """Mean density of a slice over the height from the lowest occluder to the highest."""
+    """Mean density of the slices from the lowest occluder to the highest, weighted by thickness."""
     layers = scene.slices()
     if not layers:
         return 0.0

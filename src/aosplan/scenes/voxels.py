@@ -337,8 +337,8 @@ def footprint(touched: NDArray[np.bool_], reach: int) -> float:
 
     The plot is divided into squares of columns. A square is covered if it contains a point, or if
     it is enclosed by squares with points (for example, above a pond). The covered share of a square
-    at the rim is its number of columns with points, divided by the number in squares of the
-    interior.
+    at the rim is its number of columns with points, divided by the mean number of such columns in
+    the squares of the interior.
 
     Parameters
     ----------
@@ -366,7 +366,7 @@ def footprint(touched: NDArray[np.bool_], reach: int) -> float:
 
 
 def cells_along(length_m: float, voxel_m: float) -> int:
-    """Number of voxels for points along a length, including both ends."""
+    """Number of voxels that contain all points along a length, including its two ends."""
     return math.floor(length_m / voxel_m + FACE) + 1
 
 

@@ -1,8 +1,8 @@
 """Comparison of a plan's prediction with its simulation.
 
-**Prediction.**  The prediction is made for the rays of the experiment, which differ from the rays of the plan. A plan is for a target below the middle of its grid, and the uniform and the layered model assume vertical rays. In the experiment, rays to the targets of an area are slanted. They cross more leaves, or side faces of cubes (`aosplan.models.area_rays`). The measured model predicts for the view of the experiment, telecentric or perspective. For noise patterns, which are the experiment of the paper, the prediction of the plan is used.
+**Prediction.**  The prediction is made for the rays of the experiment, which differ from the rays of the plan. A plan is for a target below the middle of its grid, and the uniform and the layered model assume vertical rays. In the experiment, rays to the targets of an area are slanted. They cross more leaves, or side faces of cubes (`aosplan.models.area_rays`). The measured model makes its prediction for the kind of view in the experiment, telecentric or perspective. For noise patterns, which are the experiment of the paper, the prediction of the plan is used.
 
-**Agreement.**  Prediction and experiment agree if the difference of each of p, V and V̂ is at most `MOST_ERRORS` standard errors plus the systematic error of the experiment. The systematic error is the effect of voxels on p, V and K (`TOLERANCE`), plus the effect of cubes on K. For a ray with the slope s, cubes are effectively wider by the factor 1 + s. Their effect is therefore computed as the change of K of independent slices if the disparity is reduced by this factor.
+**Agreement.**  Prediction and experiment agree if the difference of each of p, V and V̂ is at most `MOST_ERRORS` standard errors plus the systematic error of the experiment. The systematic error is the effect of voxels on p, V and K (`TOLERANCE`), plus the effect of cubes on K. For a ray with the slope s, cubes are effectively wider by the factor 1 + s. Their effect is therefore computed for independent slices, as the change of K if the disparity is divided by this factor.
 
 **As flown.**  Even if prediction and experiment agree, the numbers of the plan may differ from the experiment, because their rays differ. `as_flown` lists these differences.
 """
@@ -64,8 +64,8 @@ LEAST_UNLIKE = 0.01
 """Differences from the numbers of the plan that are smaller than this are not reported."""
 
 MOST_ERRORS = 4.0
-"""Largest difference in standard errors that chance can explain.  Larger differences occur
-less than once in a thousand.
+"""Largest difference in standard errors that chance can explain.  Larger differences occur by
+chance in less than one of a thousand comparisons.
 """
 
 MOST_TARGETS = 100_000_000

@@ -40,7 +40,7 @@ FORESTS = 8
 """Default number of forests that are searched."""
 
 TOLERANCE = 0.05
-"""Largest systematic difference at the same threshold that is accepted."""
+"""Largest accepted systematic difference at the same threshold."""
 
 MOST_ERRORS = 2.5
 """Accepted number of standard errors in addition to `TOLERANCE`."""

@@ -57,16 +57,16 @@ MOST_VIEWS = 10_000
 """Largest number of views of a simulation."""
 
 MOST_RAYS = 10_000_000_000
-"""Largest product of the numbers of views and of targets. This product takes about a minute.
-Patches are made smaller if it would be exceeded.
+"""Largest product of the numbers of views and of targets. A simulation with this product takes
+about a minute.  Patches are made smaller if the product would otherwise be larger.
 """
 
 FEWEST_SAMPLES = 16
-"""Smallest number of samples. Fewer samples do not give a reliable standard error."""
+"""Smallest number of samples. With fewer samples, the standard error is not reliable."""
 
 PICTURE_PX = 300
-"""Number of targets along the shorter side of a picture.  Pictures need more targets than
-counts.
+"""Number of targets along the shorter side of a picture.  Pictures need more targets than counts
+do.
 """
 
 STEEPEST = 1.0
@@ -263,8 +263,8 @@ class ForestExperiment(NamedTuple):
         return views, self.positions_m - moved
 
     def _plot_m(self, axis: int, patch_m: float) -> float:
-        """Size of the plot along an axis. The plot is so large that neither a single ray nor two
-        views of a patch meet the same tree twice.
+        """Size of the plot along an axis. The periodic plot is so large that neither a single ray
+        nor the rays of two views of a patch meet two copies of the same tree.
         """
         reach, rise = self._reach()[axis], self.top_m / self.altitude_m
         if self.view == "telecentric":

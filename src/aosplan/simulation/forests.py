@@ -160,10 +160,10 @@ def clumped_forest(
 ) -> VoxelVolume:
     """A stand of trees that hides a given share of the ground from vertically above.
 
-    Trees are placed at random until their crowns cover half of the ground that would otherwise be
-    open.  A crown is an ellipsoid in which whole clumps are either leafy or empty.  Only as many
-    leafy voxels are kept as the density requires.  Trunks extend from the base of the volume into
-    the crown.
+    Trees are placed at random until they cover the given share of the ground and half of the rest.
+    A crown is an ellipsoid in which whole clumps are either leafy or empty.  Only as many leafy
+    voxels are kept as the density requires.  Trunks extend from the base of the volume into the
+    crown.
 
     Parameters
     ----------
@@ -360,8 +360,8 @@ def _plant(
 
 
 def _around(count: int, place: float, reach: float) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Cells of a periodic axis within a distance of a place, and their distances from the place.
-    Each cell is listed once.
+    """Cells of a periodic axis that are within a given distance of a place, and their distances
+    from this place.  Each cell is listed once.
     """
     span = min(2 * math.ceil(reach) + 1, count)
     cells = math.floor(place) - span // 2 + np.arange(span)

@@ -203,8 +203,8 @@ def laser_scan(
     """Scan a stand from lines along y with a moving sensor.
 
     Each pulse consists of seven rays of equal energy, one in the middle and six around it.  If the
-    difference of the ranges of several rays is less than the resolution, they make a single return.
-    It is on the axis of the pulse, at their mean range.
+    ranges of several rays differ by less than the resolution, these rays make a single return.  It
+    is on the axis of the pulse, at their mean range.
 
     Parameters
     ----------

@@ -133,7 +133,7 @@ def panels(every: NDArray[np.int32], one: NDArray[np.int32], views: int) -> Pane
 
 
 def check_extra() -> None:
-    """Check that pictures can be drawn, before any work for them.
+    """Check that pictures can be drawn, before any work is done for them.
 
     Raises
     ------

@@ -58,7 +58,7 @@ SIZE_M = 32.0
 
 
 class TargetRadiance(NamedTuple):
-    """A target and its radiance, in units of the standard deviation between occluders.
+    """A target and its radiance, in units of the standard deviation of the radiances of occluders.
 
     Attributes
     ----------

@@ -40,7 +40,7 @@ class _Given(TypedDict):
 
 
 class VoxelViews:
-    """Views from one altitude of the targets below one volume.
+    """Views of the targets below one volume, all from the same altitude.
 
     Parameters
     ----------
@@ -87,8 +87,8 @@ class VoxelViews:
         return VoxelViews(**self._given, window=window)
 
     def counts(self, positions_m: ArrayLike) -> Counts:
-        """Sums, over the targets, of the number of views in which a target is hidden and of its
-        square. Camera positions have the shape (N, 2), east and north.
+        """Two sums over the targets: of the number of views in which a target is hidden, and of the
+        square of this number. Camera positions have the shape (N, 2), east and north.
         """
         total: Counts | None = None
         for tile in tiles(self.window, TILE_TARGETS):

@@ -86,8 +86,8 @@ class Requirement(NamedTuple):
 
         This is a lower bound of the number of samples if K >= 1/N. This condition is true for
         models whose visibility increases with the baseline, and the bound is used only for these
-        models. For voxels and for oblique rays, K may be slightly less than 1/N, because different
-        shares may be hidden in the views.
+        models. For voxels and for oblique rays, K may be slightly less than 1/N, because the hidden
+        share may differ between views.
 
         The result is None if no number of samples meets the target.  With K = 1/N, the condition of
         `is_met` is 1/N <= 1 - V̂ or p (p + T/N) <= 1 - V.  Both conditions are solved in exact

@@ -121,7 +121,8 @@ def samples_beyond_bound(samples: int, most: int) -> str:
 def within_canopy(altitude_m: float, top_m: float, *, given: bool) -> str:
     """Error: the altitude is not above the canopy.
 
-    `given` tells whether the altitude was given.  Otherwise it was computed from the resolution.
+    `given` is true if the request gives the altitude, and false if the altitude was computed from
+    the resolution.
     """
     return f"{_altitude_text(altitude_m, given=given)} is not above {_canopy_text(top_m)}"
 
@@ -129,7 +130,8 @@ def within_canopy(altitude_m: float, top_m: float, *, given: bool) -> str:
 def below_clearance(altitude_m: float, top_m: float, clearance_m: float, *, given: bool) -> str:
     """Error: the distance between the altitude and the canopy is less than the clearance.
 
-    `given` tells whether the altitude was given.  Otherwise it was computed from the resolution.
+    `given` is true if the request gives the altitude, and false if the altitude was computed from
+    the resolution.
     """
     return (
         f"{_altitude_text(altitude_m, given=given)} is less than --clearance {clearance_m:g} m "

@@ -29,7 +29,7 @@ shortfall and density were lower by a margin.  The margins are `CAUTION` times t
 the surrogate that the search has seen, and at least `LEAST_MARGINS`.  If the margins have increased
 during a search, the search begins again with the new margins.  With a surrogate, the guarantee
 depends on these margins.  Without a surrogate, the model evaluates all candidates, and the
-guarantee has no condition.  All numbers of the result come from the model.
+guarantee is unconditional.  All numbers of the result come from the model.
 """
 
 from __future__ import annotations
@@ -77,8 +77,8 @@ transparency 1 - p, and in the quantity that is maximised.
 """
 
 PROBES, PROBE_STEPS = (4, 9, 16), 5
-"""Numbers of samples for which the errors of a surrogate are measured first, and steps of the scan
-between the baselines.
+"""Numbers of samples for which the errors of a surrogate are measured first, and number of steps of
+the scan between the baselines of these measurements.
 
 The errors of correlograms are largest for few samples.  For generated stands, they are 1 to 6 % of
 the shortfall at 4 to 16 samples, and 0 to 3 % at 49 samples.
@@ -267,8 +267,8 @@ class Scan:
     def families(
         self, *, thinned: bool = False, thinned_from: int = THINNED_FROM
     ) -> Iterator[tuple[AnyPattern, Iterable[AnyPattern]]]:
-        """The patterns that may be planned, as families.  Each item is the densest pattern and all
-        patterns of a family.
+        """The patterns that may be planned, as families.  Each item is a family: its densest
+        pattern, and all its patterns.
 
         The patterns of one frame have the same size and form a family.  For a kind of grid whose
         size differs for each sample count, each pattern is a separate family.  With `thinned`,

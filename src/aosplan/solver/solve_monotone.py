@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 
 
 HOPELESS = 0.05
-"""If the shortfall of the densest grid exceeds the target by more than this share, no sparser grid
-meets the target.
+"""If the shortfall of the densest grid exceeds the shortfall that the target allows by more than
+this share, no sparser grid meets the target.
 """
 
 MANY_SAMPLES = 2000
 """Number of samples above which the densest grid is evaluated first."""
 
 APERTURE_SLACK = 1.01
-"""Factor for the smallest aperture.  Among grids whose aperture is at most this factor larger, the
-grid with the fewest samples is preferred.
+"""Factor for the smallest aperture.  Among grids whose aperture is at most the smallest aperture
+times this factor, the grid with the fewest samples is preferred.
 """
 
 SEARCHED_FRAMES = 2000

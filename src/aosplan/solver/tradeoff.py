@@ -41,7 +41,7 @@ REFINEMENTS = 4
 """
 
 MEASURED_SAMPLES = 100
-"""Largest number of samples that has a row for a measured stand, unless the request gives a larger
+"""For a measured stand, rows have at most this number of samples, unless the request gives a larger
 number.
 """
 

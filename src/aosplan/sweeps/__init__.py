@@ -2,9 +2,9 @@
 
 - `aosplan.sweeps.scenarios`: the scenarios, which are combinations of lists and ranges, or rows of
   a table.
-- `aosplan.sweeps.vectorized.solve_columns`: solves uniform scenarios as whole columns.
-  `aosplan.sweeps.vectorized.inputs` reads options, `aosplan.sweeps.vectorized.samples` finds
-  samples and baselines, and `aosplan.sweeps.vectorized.flights` computes flights.
+- `aosplan.sweeps.vectorized.solve_columns`: solves uniform scenarios with array operations on whole
+  columns.  `aosplan.sweeps.vectorized.inputs` reads options, `aosplan.sweeps.vectorized.samples`
+  finds samples and baselines, and `aosplan.sweeps.vectorized.flights` computes flights.
   `aosplan.sweeps.block` stores the scenarios that were refused, with the reasons.
 - `aosplan.sweeps.solve_rows`: solves the other scenarios one row at a time, with shared models.
 - `aosplan.sweeps.run`: writes the result to a file, block by block.  An interrupted run can be

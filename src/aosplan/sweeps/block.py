@@ -86,7 +86,7 @@ class RowStatuses:
             self.status[np.asarray(where) & (self.status == OK)] = DEFERRED
 
     def refuse(self, status: int, where: Any, text: Callable[..., str], *values: Any) -> None:
-        """Refuse scenarios that do not yet have a status other than ``ok``.
+        """Refuse those scenarios of a mask whose status is still ``ok``.
 
         Parameters
         ----------

@@ -4,9 +4,9 @@ A task contains the scenarios of one block.  It writes one part into a folder th
 this machine share.  The file gets its final name only when it is complete.  If the cluster runs a
 task twice, the same bytes are written twice.  Only a few tasks per thread are submitted at a time.
 
-The run stops with an error if the result could differ or if the run would never end. Reasons are
-different versions, files that a worker does not see, no workers, or a scheduler that does not
-respond.
+The run stops with an error if the result could differ or if the run would never end. This is the
+case if versions differ, if a worker does not see a file, if there are no workers, or if the
+scheduler does not respond.
 """
 
 from __future__ import annotations

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from aosplan.sweeps.scenarios import ScenarioTable
 
 MOST_GROUPS = 20
-"""Largest number of values of an input that are listed individually. If an input has more values
-that are numbers, they are grouped into `BINS` bins of equal size.
+"""Largest number of values of an input that are listed individually. If an input has more numbers
+than this, the numbers are grouped into `BINS` bins of equal size.
 """
 
 BINS = 10

@@ -1,8 +1,8 @@
 """Results in the form of a folder of Parquet files, one file per part.
 
 The folder gets its final name when it is complete. It contains no other files, because other
-programs have to be able to read the folder. A journal beside the folder remains, with which a later
-run can find damaged parts.
+programs have to be able to read the folder. A journal remains beside the folder.  A later run can
+use this journal to find damaged parts.
 """
 
 from __future__ import annotations

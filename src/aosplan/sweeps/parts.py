@@ -217,8 +217,8 @@ def solve_part(sweep: Sweep, index: int, path: str | None, folder: str | None = 
 
 
 def _is_first(handle: int, lock: str) -> bool:
-    """Try to get the lock. Returns whether this was possible; it is not possible if another process
-    holds the lock.
+    """Try to get the lock. Returns true if this was possible, and false if another process holds
+    the lock.
     """
     if sys.platform == "win32":
         import msvcrt

@@ -46,7 +46,7 @@ MOST_HEADER = 1 << 16
 """Longest header of a CSV file [bytes].  A header with all options needs 2 % of this."""
 
 ROOM_OCTETS, THREAD_OCTETS = 1_250_000_000, 50_000_000
-"""Address space that polars reserves for a block, and for each of its threads [bytes]."""
+"""Address space that polars reserves for a block, and in addition for each thread [bytes]."""
 
 PLAIN_CELLS = 2_000_000
 """A Parquet file may have this number of cells, whatever its size."""
@@ -59,8 +59,8 @@ MOST_VALUES = 10_000_000
 
 
 def _parsed(name: str, value: Any, place: str) -> Any:
-    """A value of an option, parsed as in `plan`.  Values that request a search within a time are
-    refused.
+    """A value of an option, parsed as in `plan`.  Values that request a search for the best flight
+    in a given time are refused.
     """
     found = BY_NAME[name].parse(value, place)
     if (name, found) == ("grid", GUIDED):
@@ -83,15 +83,15 @@ def _parsed(name: str, value: Any, place: str) -> Any:
 
 
 _SEARCHED = (("optimize", "detection"), ("trigger", "best"))
-"""Options and values that request a search within a time."""
+"""Options and values that request a search for the best flight in a given time."""
 
 
 @dataclass(frozen=True)
 class _Scenarios:
     """The swept options with their values.
 
-    `alone` is the share of the scenarios that have to be solved one by one. The larger this share,
-    the smaller are the blocks.
+    `alone` is the share of the scenarios that have to be solved one by one. The larger this share
+    is, the smaller the blocks are.
     """
 
     values: dict[str, NDArray[Any]]
@@ -291,7 +291,7 @@ def read_rows(path: str) -> ScenarioTable:
 
 
 def share_alone(values: Mapping[str, NDArray[Any]], folder: str) -> float:
-    """Approximate share of the scenarios that cannot be solved as whole columns."""
+    """Approximate share of the scenarios that the vectorized solver cannot solve."""
     from aosplan.sweeps.vectorized.inputs import known_share
 
     shares = (known_share(name, column, folder) for name, column in values.items())

@@ -134,8 +134,8 @@ def solve_row(
     results: Sequence[str] = RESULTS,
     memo: Memo | None = None,
 ) -> Outcome:
-    """Solve one scenario.  If it has no solution, the outcome has the reason, and no error is
-    raised.
+    """Solve one scenario.  If the scenario has no solution, the outcome has the reason, and no
+    error is raised.
     """
     try:
         request = PlanRequest(**with_drone_file(values, folder))

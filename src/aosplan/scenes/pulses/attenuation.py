@@ -11,11 +11,11 @@ their whole layer.
 
 Shrinkage moves a little attenuation from crowns into the gaps beside them. In a single voxel, the
 effect is negligible. However, a gap extends from the ground to the top, and all its voxels together
-predict more interception than was measured. All λ of a column are therefore multiplied by a factor,
-the sum of I divided by the sum of λ L over its voxels. In the same way, this factor is shrunk
-towards the factors of larger square blocks of columns. Without the factor, the contrast between
-crowns and gaps would be too low, and the correlation of views would be lower than below real
-leaves.
+predict more interception than was measured. All λ of a column are therefore multiplied by a factor.
+This factor is the sum of I over the voxels of the column, divided by the sum of λ L over these
+voxels. In the same way, this factor is shrunk towards the factors of larger square blocks of
+columns. Without the factor, the contrast between crowns and gaps would be too low, and the
+correlation of views would be lower than below real leaves.
 
 The strengths of both shrinkages are chosen such that each half of the pulses predicts the other
 half as well as possible.
@@ -27,7 +27,7 @@ measured transmission, because leaves are clumped within voxels and λ is uncert
 for all λ corrects the mean. The contrast γ and the scale are found by cross-fitting: the
 transmission of each quarter of the pulses is predicted with the λ from the other three quarters.
 For each γ, the scale makes the mean of these predictions equal to the measured mean. The γ with the
-largest likelihood is used. If there are few pulses, it is drawn towards 1.
+largest likelihood is used. If there are few pulses, γ is shrunk towards 1.
 """
 
 from __future__ import annotations
@@ -64,15 +64,15 @@ pulses better, but columns would then be too similar.
 """
 
 OTHER_CONTRAST = 1.2
-"""Exponent for which optical depths are computed in addition to those for 1."""
+"""Optical depths are computed for this exponent and for the exponent 1."""
 
 CONTRAST_SPREAD = 0.1
-"""Standard deviation of the contrast between stands.  If there are few pulses, the contrast is
-therefore close to 1.
+"""Standard deviation of the contrast γ among different stands.  If there are few pulses, the
+contrast is therefore close to 1.
 """
 
 JUDGING_PULSES = 50_000
-"""Largest number of pulses from which the contrast is found."""
+"""Largest number of pulses that are used to find the contrast."""
 
 
 class VoxelSums(NamedTuple):
@@ -231,7 +231,8 @@ def scale_for(depths: Floats, gap: float) -> float:
 def depths_at(contrast: float, depths: Floats) -> Floats:
     """Optical depths of pulses for a contrast, shape (P,).
 
-    In between, the logarithm of a depth is nearly a linear function of the contrast.
+    The depths are interpolated between two contrasts, because the logarithm of a depth is nearly a
+    linear function of the contrast.
 
     Parameters
     ----------

@@ -25,8 +25,8 @@ from the stand.
 def without_duplicates(returns: Returns) -> Returns:
     """Returns without duplicates, in their order.
 
-    Duplicates have the same coordinates, number, line and time.  They occur in overlapping tiles
-    and in files that were merged twice.
+    Duplicates have the same coordinates, return number, flight line and time.  They occur in
+    overlapping tiles and in files that were merged twice.
     """
     odd = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
     key = np.zeros(returns.number.size, dtype=np.uint64)
@@ -42,8 +42,8 @@ def without_duplicates(returns: Returns) -> Returns:
 
 
 def _mixed(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Mix the bits of keys (the finaliser of MurmurHash3). Few of the results are equal for
-    different keys.
+    """Mix the bits of keys (the finaliser of MurmurHash3). Different keys rarely give the same
+    result.
     """
     key = (key ^ (key >> np.uint64(33))) * np.uint64(0xFF51AFD7ED558CCD)
     key = (key ^ (key >> np.uint64(33))) * np.uint64(0xC4CEB9FE1A85EC53)

@@ -55,8 +55,8 @@ parts.
 
 FOLD_SEED = 1
 HALF_SEEDS = 2, 3
-"""Random seeds for the cells of the two halves of the pulses. Each half consists of every other
-part.
+"""Random seeds for the cells of the two halves of the pulses. Each half consists of alternate
+parts.
 """
 
 DENSE_PER_M = np.float32(2.0)
@@ -398,7 +398,7 @@ def directions(
 
 
 def fitted_field(beams: Beams, grid: trace.VoxelGrid) -> AttenuationField:
-    """Attenuation of each voxel, its scale from cross-fitting, and the gap fractions.
+    """The attenuation of each voxel, the scale factor from cross-fitting, and the gap fractions.
 
     Raises
     ------
@@ -487,8 +487,8 @@ def _sums(beams: Beams, grid: trace.VoxelGrid) -> attenuation.VoxelSums:
 def optical_depths(
     rates: Sequence[NDArray[np.float32]], beams: Beams, grid: trace.VoxelGrid
 ) -> Floats:
-    """Optical depths for several fields of λ along the whole line of each pulse, down to the cut,
-    shape (rates, P).
+    """Optical depths along the whole line of each pulse, down to the cut.  They are computed for
+    several fields of λ, and have the shape (rates, P).
     """
     paths = trace.paths_to_ground(beams.returns, beams.pulses, beams.to_sensor, grid)
     depths = np.zeros((len(rates), len(beams.pulses)))

@@ -24,7 +24,9 @@ PLAUSIBLE_SUM = 0.15
 """Largest plausible deviation of the mean energy from 1, for pulses with several returns."""
 
 FEWEST_OF_A_KIND = 50
-"""Smallest number of returns of a kind whose mean intensity is used for calibration."""
+"""The mean intensity of a kind of returns is used for calibration only if there are at least this
+number of returns of this kind.
+"""
 
 
 class Pulses(NamedTuple):
@@ -100,13 +102,13 @@ def intensity_energies(returns: Returns, pulses: Pulses, low: NDArray[np.bool_])
 
     The intensity is divided by the mean intensity of single returns of the same kind (ground or
     canopy), which have all the energy of their pulses. A wide beam has few single returns in
-    foliage. If there are too few, the pulses with several returns of which at least one is ground
-    are used. The intensity of the whole energy is then the sum of the intensities of their returns
-    from the canopy, divided by the sum of the energies that do not reach the ground. If intensity
-    is proportional to energy, the resulting energies of a pulse with several returns add up to
-    about 1. The sum is larger if the instrument adjusted its gain or recorded ranks instead of
-    intensities. In this case the result is None. Finally, the energies of each pulse are normalised
-    to the sum 1.
+    foliage. If there are too few, the pulses with several returns are used if at least one of these
+    returns is from the ground. The intensity that corresponds to the whole energy of a pulse is
+    then the sum of the intensities of the returns of these pulses from the canopy, divided by the
+    sum of the energies that do not reach the ground. If intensity is proportional to energy, the
+    resulting energies of a pulse with several returns add up to about 1. The sum is larger if the
+    instrument adjusted its gain or recorded ranks instead of intensities. In this case the result
+    is None.  Finally, the energies of each pulse are normalised to the sum 1.
 
     Parameters
     ----------

@@ -30,8 +30,9 @@ LEAF_M = 0.06
 
 SMALLEST_LEAF_M = 0.03
 FEWEST_COLUMNS = 65_000
-"""Number of columns of cells below which a plot gets smaller cells, down to `SMALLEST_LEAF_M`.  On a
-plot of 8 m, this halves the random error of p̄ and V because of the seed, to 0.001.
+"""A plot with fewer columns of cells than this gets smaller cells, but not smaller than
+`SMALLEST_LEAF_M`.  On a plot with sides of 8 m, this halves the random error of p̄ and V that is
+due to the seed. The error is then 0.001.
 """
 
 MOST_CELLS = 400_000_000
@@ -42,7 +43,8 @@ def leaf_size_for(size_m: tuple[float, float], slices: int, voxel_m: float) -> f
     """Edge of a cell [m] for a plot.  It is about `LEAF_M`, smaller on small plots, and larger on
     large plots to limit the number of cells.
 
-    If possible, a voxel is a whole number of cells wide, so that all voxels have equally many cells.
+    If possible, a voxel is a whole number of cells wide, so that all voxels have the same number of
+    cells.
     """
     area_m2 = math.prod(size_m)
     wanted = min(LEAF_M, max(SMALLEST_LEAF_M, math.sqrt(area_m2 / FEWEST_COLUMNS)))

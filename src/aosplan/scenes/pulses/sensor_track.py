@@ -117,8 +117,8 @@ def _start(middle: Floats, direction: Floats, since: Floats, length: Floats) -> 
 
     They are fitted to many small random samples of pulses, and the values that fit the largest
     number of pulses are chosen. A least-squares fit to all pulses would be dominated by outliers.
-    An outlier is caused by returns of two pulses that were grouped into one pulse, because such
-    returns are far apart.
+    Outliers occur if returns of two pulses were grouped into one pulse. Such returns are far apart,
+    and outliers therefore have large weights.
     """
     rng = np.random.Generator(np.random.PCG64(DRAW_SEED))
     judges = rng.choice(length.size, min(length.size, JUDGES), replace=False)

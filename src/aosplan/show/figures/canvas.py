@@ -82,7 +82,7 @@ def form_of(path: str) -> str:
 
 
 def check_extra() -> None:
-    """Check that figures can be drawn, before any work for them.
+    """Check that figures can be drawn, before any work is done for them.
 
     Raises
     ------
@@ -155,7 +155,9 @@ def _metadata(form: str, shown: FigureData) -> dict[str, Any]:
 
 
 def _with_words(svg: bytes, shown: FigureData) -> bytes:
-    """Add a title and a description to an SVG, which screen readers read instead of the picture."""
+    """Add a title and a description to an SVG.  Screen readers read these texts instead of the
+    picture.
+    """
     title, text = escaped(shown.title), escaped(shown.description())
     # The identifiers differ between figures, because a page may contain several figures.
     name = sha256(f"{title}\n{text}".encode()).hexdigest()[:8]

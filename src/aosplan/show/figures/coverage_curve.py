@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from aosplan.show.figures.style import Theme
 
 SHARES = (0.5, 0.9)
-"""Shares whose baselines are in the description, in addition to the requested share."""
+"""The description gives the baselines for these shares and for the requested share."""
 
 
 class BaselineCurve(NamedTuple):

@@ -25,8 +25,10 @@ class DensityFigure(NamedTuple):
 
     `independent` is this share if the layers are independent. `measured` is this share in the
     voxels, or None without voxels. `hidden_pulses` is the share of the energy of the laser pulses
-    that does not reach the ground, computed from first, weighted and last returns. This share is
-    for the angles of the pulses, `pulses_zenith_deg`. It is None if the opacity is not from pulses.
+    that does not reach the ground. Its three values are computed with all energy in the first
+    returns, with the estimated energy of each return, and with all energy in the last returns. This
+    share is for the angles of the pulses, `pulses_zenith_deg`. It is None if the opacity is not
+    from pulses.
     """
 
     scene: str

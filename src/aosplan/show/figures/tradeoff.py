@@ -117,8 +117,8 @@ LAST = {
     "visibility": ("samples", "expected", "visibility $V$"),
     "contrast": ("samples", "contrast", "contrast"),
 }
-"""The last panel, for objectives that are maximised. For other objectives, the last panel shows
-time against extent.
+"""Columns and label of the last panel, for objectives that are maximised. For other objectives, the
+last panel shows time against extent.
 """
 
 

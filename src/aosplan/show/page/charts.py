@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class AxisBound(NamedTuple):
-    """A limit of the quantity along an axis, and the reason."""
+    """A limit of the quantity along an axis, and the reason for this limit."""
 
     value: float
     text: str
@@ -26,7 +26,7 @@ class AxisBound(NamedTuple):
 
 def baseline_bounds(problem: Problem, pattern: AnyPattern) -> list[AxisBound]:
     """Baselines that are marked: the limits of the baseline, and the baseline beyond which the
-    visibility does not increase.
+    visibility does not increase further.
     """
     model, bounds = problem.model, problem.bounds
     found = [

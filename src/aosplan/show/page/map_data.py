@@ -67,8 +67,8 @@ def scenery_of(plan: Plan, grid: GridFigure) -> dict[str, Any]:
 
 
 def _rings(polygons: tuple[Polygon, ...]) -> list[list[float]]:
-    """The rings of polygons as alternating east and north, rounded to centimetres.  The holes of a
-    polygon follow its outer ring.
+    """The rings of polygons as alternating east and north coordinates, rounded to centimetres.  The
+    holes of a polygon follow its outer ring.
     """
     return [
         [round(value, 2) for point in ring for value in point]

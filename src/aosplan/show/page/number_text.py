@@ -46,7 +46,9 @@ KINDS: dict[str, Callable[[Any], str]] = {
 
 
 class NumberFormatter:
-    """Formats numbers of a document by their place: ``number("visibility.expected", "%")``."""
+    """Formats numbers of a document, which are named by their place in the document:
+    ``number("visibility.expected", "%")``.
+    """
 
     def __init__(self, document: dict[str, Any]) -> None:
         self.document = document

@@ -36,7 +36,7 @@ SEED = 1
 
 
 def check_extra(*, picture: bool) -> None:
-    """Check that a report can be written, before any work for it.
+    """Check that a report can be written, before any work is done for it.
 
     Raises
     ------

@@ -1,4 +1,6 @@
-"""Curve for the page: objective against flight time, for a search within a time."""
+"""Curve for the page: objective against flight time, for a search for the best flight in a given
+time.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ if TYPE_CHECKING:
     from aosplan.planning.result import Plan
 
 SHARES = {"detection": "probability of detection", "visibility": "visibility V"}
-"""Objectives between 0 and 1, for which the curve is drawn."""
+"""The curve is drawn only for these objectives.  Their values are between 0 and 1."""
 
 
 class WithinCurve(NamedTuple):

@@ -1,4 +1,4 @@
-"""Rows of a plan's table about an order by gain: the probability of success over time."""
+"""Rows of a plan's table about flights in the order of gain: probability of success over time."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ MOST_FLIGHTS = 6
 
 
 def gain_rows(gain: GainResult) -> Iterator[tuple[str, str]]:
-    """Yield heading and text of each row."""
+    """Yield the heading and the text of each row."""
     for index, text in enumerate(gain_texts(gain)):
         yield "Order" if index == 0 else "", text.removesuffix(".")
 
 
 def gain_texts(gain: GainResult) -> list[str]:
-    """Results of an order by gain, in sentences."""
+    """Results of a flight in the order of gain, in sentences."""
     found = [
         (
             f"The target is in the area with a probability of {gain.probability_of_area:.1%} "

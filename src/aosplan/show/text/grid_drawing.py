@@ -157,8 +157,8 @@ def to_scale(
     """Draw points to scale, with x to the right and y downwards.  Returns the drawing and the width
     of a dot.
 
-    The first and the last point have special characters. With `even`, one unit of length is a whole
-    number of dots, if the unit is longer than a dot.
+    The first and the last point have special characters. If `even` is true and the unit of length
+    is longer than a dot, the unit is drawn as a whole number of dots.
     """
     per_column, per_line = (1, 1) if plain else (2, 4)
     # A character is twice as high as it is wide. A Braille character has four lines and two columns

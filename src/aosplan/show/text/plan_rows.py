@@ -1,5 +1,5 @@
-"""Rows of the tables of plans and scenes: flight, detection, search within a time, guided positions
-and opacity.
+"""Rows of the tables of plans and scenes: flight, detection, search for the best flight in a given
+time, guided positions and opacity.
 
 Each row is a heading and a text.  The page of a plan shows some of the same texts.
 """
@@ -175,7 +175,9 @@ OBJECTIVE_TEXTS = {
 
 
 def search_rows(plan: Plan) -> Iterator[tuple[str, str]]:
-    """Yield heading and text of the rows about an order by gain, and about the best plans."""
+    """Yield the heading and the text of each row about a flight in the order of gain, and about the
+    best plans.
+    """
     if plan.gain is not None:
         yield from gain_rows(plan.gain)
     if plan.within is not None:
@@ -183,7 +185,7 @@ def search_rows(plan: Plan) -> Iterator[tuple[str, str]]:
 
 
 def within_rows(answer: WithinResult, heading: str = "Within") -> Iterator[tuple[str, str]]:
-    """Yield heading and text of each row.  The first row has the given heading."""
+    """Yield the heading and the text of each row.  The first row has the given heading."""
     for index, row in enumerate(answer.rows):
         first, second = row_text(row, answer.asked.optimize)
         yield heading if index == 0 else "", first
@@ -192,7 +194,7 @@ def within_rows(answer: WithinResult, heading: str = "Within") -> Iterator[tuple
 
 
 def row_text(row: WithinRow, objective: str) -> tuple[str, str]:
-    """Text with the objective and the flight of the best plan within a time."""
+    """Text with the objective and the flight of the best plan for a given time."""
     start = f"{row.minutes:.4g} min: "
     if row.timed is None or row.value is None:
         return start + "no plan is possible", ""
@@ -214,7 +216,7 @@ def row_text(row: WithinRow, objective: str) -> tuple[str, str]:
 
 
 def guided_rows(guided: GuidedResult) -> Iterator[tuple[str, str]]:
-    """Yield heading and text of each row."""
+    """Yield the heading and the text of each row."""
     chosen, doubts, *plain = guided_texts(guided)
     yield "Guided", chosen.removesuffix(".")
     yield "", doubts.removesuffix(".")

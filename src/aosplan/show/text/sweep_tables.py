@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 STATUSES = {"ok": "met", "infeasible": "infeasible", "invalid": "invalid"}
 
 MOST_REASONS = 10
-"""Largest number of kinds of reasons that are shown.  The JSON document has more."""
+"""Largest number of kinds of reasons that are shown.  The JSON document lists more kinds."""
 
 
 def print_summary(document: dict[str, Any]) -> None:
@@ -203,7 +203,7 @@ SYMBOLS = {"density": "p", "expected": "V", "normalized": "V̂"}
 
 
 def _compared(row: Mapping[str, Any], found: Mapping[str, Any] | None) -> list[str]:
-    """Cells for the comparison of a row whose difference is least probable."""
+    """Table cells of a row: the comparison whose difference is least probable."""
     if found is None:
         return ["", "-", "-", "-", "-"]
     name, errors = found["quantity"], found["standard_errors"]

@@ -1,4 +1,4 @@
-"""Solution of uniform scenarios as whole columns.
+"""Solution of uniform scenarios with array operations on whole columns.
 
 - `aosplan.sweeps.vectorized.inputs`: options as columns.
 - `aosplan.sweeps.vectorized.samples`: samples and baselines.

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     Columns = Mapping[str, NDArray[Any]]
 
 GRIDS = ("trimmed", "rectangle", "square", "line")
-"""Grids that can be solved as columns."""
+"""Kinds of grid that the vectorized solver supports."""
 
 VALUES: dict[str, tuple[Any, ...]] = {
     "model": ("uniform",),
@@ -46,8 +46,8 @@ VALUES: dict[str, tuple[Any, ...]] = {
     "rays": ("nadir",),
     "hold_error": (0.0,),
 }
-"""Values of some options that can be solved as columns. Other values of these options cannot be
-solved as columns.
+"""For some options, the values that the vectorized solver supports. It does not support other
+values of these options.
 """
 
 AIRCRAFT = ("camera", "drone", "payload", "autopilot", "camera_control", "altitude_frame")
@@ -91,7 +91,7 @@ UNDERSTOOD = {
     *AIRCRAFT,
     *VALUES,
 }
-"""Options that can be solved as columns, or that do not change the results of columns."""
+"""Options that the vectorized solver supports, or that do not change its results."""
 
 MOST_COUNTED = 1 << 53
 """All numbers of samples above this limit are treated as equal, because they are too large for a
@@ -100,8 +100,8 @@ plan.
 
 
 def solvable_as_columns(block: Block) -> NDArray[np.bool_] | None:
-    """Mask of the scenarios whose options can all be solved as columns; None if there are no such
-    scenarios.
+    """Mask of the scenarios that the vectorized solver can solve, because it supports all their
+    options; None if there are no such scenarios.
 
     The mask broadcasts to the shape of the block.
     """
@@ -134,7 +134,7 @@ def solvable_as_columns(block: Block) -> NDArray[np.bool_] | None:
 
 
 def known_share(name: str, column: NDArray[Any], folder: str) -> float:
-    """Share of an option's values that can be solved as columns.  Other options are not
+    """Share of an option's values that the vectorized solver supports.  Other options are not
     considered.
     """
     if name not in UNDERSTOOD:
@@ -277,7 +277,7 @@ def _aircraft(
 
 
 def _is_held(autopilot: float, hold_s: float) -> bool:
-    """Whether an autopilot stops for the whole hold."""
+    """Whether an autopilot can hold its position for the whole time `hold_s`."""
     try:
         check_hold(AUTOPILOTS[int(autopilot)] if autopilot >= 0.0 else None, hold_s)
     except RequestError:

@@ -1,10 +1,10 @@
-"""Solution of uniform scenarios as whole columns.
+"""Solution of uniform scenarios with array operations on whole columns.
 
 A block of scenarios needs only a few array operations.  Every quantity is an array over only the
 axes on which it depends.  The steps and their order are those of `aosplan.planning.planner`: checks
 (`aosplan.sweeps.block`), inputs (`aosplan.sweeps.vectorized.inputs`), samples and baselines
 (`aosplan.sweeps.vectorized.samples`), flights (`aosplan.sweeps.vectorized.flights`).
-`aosplan.sweeps.solve_rows` solves the scenarios that cannot be solved as columns.
+`aosplan.sweeps.solve_rows` solves the scenarios that this module cannot solve.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class _Rule(NamedTuple):
 def solve_columns(
     block: Block, folder: str = "", results: Sequence[str] = RESULTS
 ) -> SolvedColumns | None:
-    """Solve the scenarios of a block as columns; None if its options do not allow this.
+    """Solve the scenarios of a block with array operations; None if its options do not allow this.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 DHATS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
 SIDES = tuple(range(2, 41))
 GRIDS = tuple(range(1, 10))
-"""Cameras along each side of the grids of panel b."""
+"""Numbers of cameras along each side of the grids of panel b."""
 
 STANDS = 6
 BELOW_ONE, BELOW_OWN = "12 m below one aperture", "each target below its own"
@@ -99,8 +99,8 @@ def numbers(seed: int, progress: Progress | None = None) -> PaperFigure:
 
 
 def _seen(seed: int, index: int, name: str) -> VoxelViews:
-    """Views of a stand: either of the targets at its centre, or of all its targets, each from the
-    aperture that is centred above it.
+    """Views of a stand: either of the targets at its centre, from one aperture, or of all its
+    targets, each of them from an aperture that is centred above the target.
     """
     from aosplan.show.figures.paper.stand import ALTITUDE_M, stand, views
     from aosplan.simulation.voxel_views import VoxelViews

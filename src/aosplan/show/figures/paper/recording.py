@@ -133,7 +133,7 @@ def _sites() -> NDArray[np.float64]:
 
 
 def _towards_chart(position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """World-to-camera rotation of a camera at a position that looks at the origin."""
+    """World-to-camera rotation of a camera that is at a given position and looks at the origin."""
     forward = -position / np.linalg.norm(position)
     right = np.cross(forward, [0.0, 1.0, 0.0])
     right /= np.linalg.norm(right)
