@@ -1,4 +1,5 @@
-"""The search for the best flight within a time, over all options that a request does not give.
+"""The search for the best flight within a given time, over all options that a request does not
+give.
 
 A *shape* is a grid in units of the altitude: rows, columns, and the spacings along and across lines
 divided by the altitude. A *way* is a trigger, an altitude and a heading with which a shape can be
@@ -37,15 +38,17 @@ if TYPE_CHECKING:
     from aosplan.planning.within_shapes import TimedFlight, Way
 
 GAIN = 0.005
-"""A search without a given time ends when twice the time improves the objective by less than this,
-relative to its value.
+"""A search without a given time ends when doubling the time improves the objective by less than
+this share of its value.
 """
 
 MULTIPLES = (1.5, 2.0, 3.0, 4.5, 7.0, 10.0)
-"""Multiples of the time for whose best flights the first part is considered."""
+"""Multiples of the time of the request. The best flight within each multiple is found, and its
+first part is considered.
+"""
 
 LARGER = (15.0, 25.0, 40.0, 70.0)
-"""Multiples that are tried if there is no flight within the smaller ones."""
+"""Multiples that are tried if there is no flight within the smaller multiples."""
 
 CURVE = (0.5, 0.7, 1.0, 1.4, 2.0)
 """The best plans within these multiples of the time are reported."""
@@ -239,12 +242,12 @@ class WithinSearch:
         return self.value(timed) if self.request.optimize == "detection" else 1.0
 
     def longest_s(self) -> float:
-        """The time of the request, or the time at which more time gains almost nothing."""
+        """The time of the request, or else the time from `enough_s`."""
         within = self.request.within
         return self.enough_s() if within is None else 60.0 * within
 
     def enough_s(self) -> float:
-        """The time from which on twice the time improves the objective only slightly."""
+        """The time at which doubling the time improves the objective only slightly."""
         least = min(level.least_s for level in self.levels)
         if not math.isfinite(least):
             raise self.refusal(math.inf)
@@ -260,12 +263,12 @@ class WithinSearch:
     # --- Results ---
 
     def row(self, longest_s: float, timed: TimedFlight) -> WithinRow:
-        """The row of results for the best flight within a time."""
+        """The row of results for the best flight within a given time."""
         return WithinRow(longest_s / 60.0, timed, self.value(timed))
 
     def point(self, longest_s: float, timed: TimedFlight | None) -> tuple[float, float] | None:
-        """Time [s] and objective of the best flight within a time; None if there is no flight, or
-        if its search would take too long.
+        """Time [s] and objective of the best flight within a given time; None if there is no
+        flight, or if its search would take too long.
         """
         if timed is not None:
             return timed.time_s, self.value(timed)

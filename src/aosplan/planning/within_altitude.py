@@ -1,4 +1,4 @@
-"""The best flight at one altitude within a time.
+"""The best flight at one altitude within a given time.
 
 The shortest time in which a shape can be flown is known in closed form
 (`aosplan.planning.least_time`).  Shapes that take too long are therefore left out before their
@@ -41,12 +41,12 @@ an area, it begins with the share 1.
 """
 
 HOPELESS = 4
-"""The search over numbers of rows ends when this many successive numbers have less than half of the
-best objective.
+"""The search over numbers of rows ends when this many successive numbers of rows reach less than
+half of the best objective.
 """
 
 STEPS = (0.6, 0.8)
-"""Factors by which the spacing is changed to refine it, one after the other."""
+"""Factors by which the spacing is changed in successive refinements."""
 
 REFINED = 3
 """The spacing is refined for this many numbers of rows: those with the best objective."""
@@ -73,7 +73,7 @@ of a stand.
 """
 
 REFUSED = 4
-"""A way is no longer tried after this many shapes in succession cannot be flown in it."""
+"""A way is no longer tried if this many shapes in succession cannot be flown in it."""
 
 TIMED = 4
 """Number of flights that are laid out to compare their exact times, if the time is the
@@ -85,7 +85,7 @@ NEARLY = 0.001
 
 
 def octave(shape: Shape) -> int:
-    """The number of photos, rounded down to a power of two, as its exponent."""
+    """Exponent of the largest power of two that is not larger than the number of photos."""
     return shape.samples.bit_length()
 
 
@@ -281,7 +281,7 @@ class AltitudeSearch:
         self, candidates: list[FlownShape], longest_s: float, tries: int, over: list[float]
     ) -> list[TimedFlight]:
         """The flights of the first candidates that fit into the time.  `over` receives the times of
-        other flights, divided by the time.
+        flights that do not fit into the time, divided by this time.
         """
         wanted = TIMED if self.request.optimize == "time" else 1
         found: list[TimedFlight] = []
@@ -307,9 +307,10 @@ class AltitudeSearch:
 
         The score of a shape assumes independent slices.  In a real stand it is too high, and the
         ratio of the counted probability to the score depends on the number of photos.  Therefore,
-        the candidate with the largest score times ratio is counted next.  The ratio is the mean
-        over the counted shapes with a similar number of photos.  It is 1 if there are none, so that
-        every number of photos with a high score is counted once.
+        the candidate with the largest product of score and ratio is counted next.  The ratio is the
+        mean over the counted shapes with a similar number of photos.  The ratio is 1 if no such
+        shape has been counted yet, so that every number of photos with a high score is counted
+        once.
         """
         found: dict[Shape, TimedFlight] = {}
         left = {each.shape: each for each in candidates}
@@ -453,7 +454,7 @@ class AltitudeSearch:
         """Shapes with a given number of rows and given shares.
 
         If the objective is maximised, the shapes have the largest number of columns that can be
-        flown in the time, and parts of this number.  Otherwise they have the smallest number of
+        flown in the time, or fractions of this number.  Otherwise they have the smallest number of
         columns that meets the target.
         """
         request = self.request

@@ -1,5 +1,5 @@
-"""Results of a search within a time: the best flights within half the time, the time, and twice the
-time.
+"""Results of a search within a given time: the best flights within half of this
+time, within this time, and within twice this time.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ value of the DJI Mavic 3T.
 
 
 class WithinRow(NamedTuple):
-    """The best flight within a time.
+    """The best flight within a given time.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class WithinRow(NamedTuple):
 
 
 class WithinResult(NamedTuple):
-    """Results of a search within a time.
+    """Results of a search within a given time.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ def interval_assumed() -> Message:
 
 
 def samples_bounded(samples: int) -> Message:
-    """The warning that the search is limited by the largest number of photos of each point."""
+    """The warning that the largest allowed number of photos of each point limits the search."""
     return Message(
         "search_samples_bounded",
         f"the search allows at most {samples} photos of each point, but more photos would be "

@@ -15,9 +15,9 @@ canopy. To maximise V = 1 - ΣΣ_S J_ik / N², c is replaced by J, the share of 
 hidden in both views: J_ik = p_i p_k
 + c_ik √(p_i (1-p_i) p_k (1-p_k)).
 
-Another set has the integral image that is most similar to the integral image of all M views,
-because views that are far apart have a different mean. The expected squared difference of the two
-integral images is ΣΣ_S J_ik / N² - 2 Σ_S Σ_all J_ik / (N M) + ΣΣ_all J_ik / M². If -2 N/M Σ_all
+The set whose integral image is most similar to the integral image of all M views is a different
+set, because views that are far apart have a different mean. The expected squared difference of the
+two integral images is ΣΣ_S J_ik / N² - 2 Σ_S Σ_all J_ik / (N M) + ΣΣ_all J_ik / M². If -2 N/M Σ_all
 J_ik is added to each J_ii, the first two terms are a sum over pairs of S. The same search therefore
 minimises this difference.
 
@@ -135,7 +135,7 @@ def jointly(shared: NDArray[np.float64], hidden: NDArray[np.float64]) -> NDArray
 def representing(joint: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
     """Change the diagonal of J.
 
-    After this change, the set S with the smallest sum ΣΣ_S has the integral image that is most
+    After this change, the set S with the smallest sum ΣΣ_S is the set whose integral image is most
     similar to the integral image of all views.
     """
     changed = joint.copy()
@@ -144,8 +144,8 @@ def representing(joint: NDArray[np.float64], samples: int) -> NDArray[np.float64
 
 
 def fewest_shared(shared: NDArray[np.float64], samples: int) -> NDArray[np.bool_]:
-    """Mask of the views that remain after the view that shares the most occluders with the others
-    has been removed repeatedly.
+    """Mask of the views that remain after views have been removed one by one. In each step, the
+    view that shares the most occluders with the others is removed.
     """
     chosen = np.ones(len(shared), dtype=bool)
     # The pair of a view with itself is counted once.
@@ -158,8 +158,8 @@ def fewest_shared(shared: NDArray[np.float64], samples: int) -> NDArray[np.bool_
 
 
 def least_shared(shared: NDArray[np.float64], samples: int, first: int) -> NDArray[np.bool_]:
-    """Mask of chosen views. The first chosen view is `first`; then the view that shares the fewest
-    occluders with the chosen views is added repeatedly.
+    """Mask of chosen views. The first chosen view is `first`. In each further step, the view that
+    shares the fewest occluders with the chosen views is added.
     """
     chosen = np.zeros(len(shared), dtype=bool)
     sums = 0.5 * shared.diagonal()

@@ -1,6 +1,6 @@
 """Reading of the metadata of a drone's photo: angles of the camera, heights, focal length, band.
 
-XMP is read in the forms of the manufacturers of drones, as attributes or elements:
+XMP is read in the forms that the manufacturers of drones use, as attributes or elements:
 
 - DJI (``drone-dji:``) and recent Autel (``drone:``): ``GimbalYawDegree``, ``GimbalPitchDegree`` and
   ``GimbalRollDegree`` are the angles of the rotations of a north-east-down frame, in the order yaw,

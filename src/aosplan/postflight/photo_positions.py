@@ -1,7 +1,8 @@
 """Positions of photos from their metadata: XMP of the drone's manufacturer, or EXIF.
 
-XMP is preferred, because DJI and other manufacturers write more decimals there than in the seconds
-of EXIF. XMP also has the height above the take-off point. The images themselves are not decoded.
+XMP is preferred, because the positions that DJI and other manufacturers write there have more
+decimals than the seconds in EXIF. XMP also has the height above the take-off point. The images
+themselves are not decoded.
 """
 
 from __future__ import annotations

@@ -29,8 +29,8 @@ SUFFIXES = (".waypoints", ".plan", ".geojson", ".kmz", ".mavlink")
 
 
 class Place(NamedTuple):
-    """A position: latitude and longitude [deg], and the altitude [m], or None if the file does not
-    have it.
+    """A position: latitude and longitude [deg], and the altitude [m], which is None if the file
+    does not have it.
     """
 
     latitude: float
@@ -216,8 +216,8 @@ def _passed(
 
 
 AT_END = 0.01
-"""Tolerance for the photo at the end of a leg. It is counted even if the leg is too short for it by
-this share of a spacing.
+"""Tolerance for the photo at the end of a leg. The photo is counted even if the leg is shorter than
+it should be by this share of a spacing.
 """
 
 
@@ -444,7 +444,7 @@ def _photographed(
     names: list[str], rows: list[tuple[str, list[str]]]
 ) -> list[tuple[str, list[str]]]:
     """Rows with photos. For a Litchi mission that takes photos, there is one row per photo. For
-    other files, these are all rows.
+    other files, all rows are returned.
     """
     actions = [place for place, name in enumerate(names) if name.startswith("actiontype")]
     columns = [

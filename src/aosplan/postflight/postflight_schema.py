@@ -69,8 +69,8 @@ class StrayDocument(OpenDocument):
 
 
 class FlownDetectionDocument(OpenDocument):
-    """Probability of detection: of the plan, with the flown photos, and with photos at the missing
-    sites in addition.
+    """Probabilities of detection: for the plan, for the flown photos, and for the flown photos
+    together with photos at the missing sites.
     """
 
     planned: Finite

@@ -5,7 +5,8 @@ translation is the one on which most pairs agree. Missing photos reduce the numb
 agree. Photos of other objects rarely add pairs to a wrong translation. A translation that is wrong
 by a whole pitch fits almost as well as the correct one. If a whole row of photos is missing, it
 fits equally well. Several translations may fit equally well. In this case, the translation whose
-sites are earliest in the flight is chosen, because flights often end early but rarely begin late.
+matched sites are earliest in the flight is chosen, because flights often end early but rarely begin
+late.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ class _Fit(NamedTuple):
 
 
 def registered(sites_m: Floats, points_m: Floats, reach_m: float) -> Registration | None:
-    """The translation of the sites for which most sites have a photo.
+    """The translation of the sites with which the largest number of sites have a photo.
 
     Parameters
     ----------

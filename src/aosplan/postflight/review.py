@@ -287,7 +287,7 @@ def review(
 def _topup_of(
     planned: Plan, missing: list[int], area: _AreaReview | None, longest_s: float
 ) -> TopUp | None:
-    """The flight to the missing sites.  Over an area, it is the flight to the missing sites that
+    """The flight to the missing sites.  Over an area, it is the flight to those missing sites that
     close gaps.
     """
     gains = np.ones(len(missing))

@@ -40,8 +40,8 @@ PIXEL_M = 0.1
 
 
 SPREAD = (0.7548776662466927, 0.5698402909980532)
-"""Steps, along x and y, of the offset within a pixel from one photo to the next. With these steps,
-the photos sample a pixel evenly (Roberts' R2 sequence).
+"""Steps by which the offset within a pixel increases from one photo to the next, along x and along
+y. With these steps, the photos sample a pixel evenly (Roberts' R2 sequence).
 """
 
 

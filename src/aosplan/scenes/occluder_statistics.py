@@ -44,8 +44,8 @@ SAMPLED_CELLS = 1_000_000
 """Total number of cells in the windows from which the near lags of a larger slice are computed."""
 
 BLOCKS, LEAST_BLOCK, MOST_BLOCK = 256, 8, 16
-"""Approximate number of blocks along the longer side of a larger slice, and the smallest and the
-largest number of cells along a block.
+"""Approximate number of blocks along the longer side of a larger slice; smallest and largest side
+of a block, in cells.
 """
 
 NEAR_BLOCKS = 4

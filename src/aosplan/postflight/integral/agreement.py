@@ -47,7 +47,7 @@ LOCAL_PX, LEAST_SPREAD = 10.0, 0.5
 """Window in which the contrast of the detail is equalized: the standard deviation of a Gaussian, in
 pixels of the reduced image; and the smallest local standard deviation, divided by its median.
 
-Without this, a few sunlit crowns would outweigh the ground between them.
+Without this equalization, a few sunlit crowns would outweigh the ground between them.
 """
 
 LONGEST_PX = 480
@@ -57,8 +57,8 @@ PROMINENCE = 3.0
 """Smallest prominence of a significant peak, in standard deviations."""
 
 WEAK, WEAK_SHARE = 0.1, 0.25
-"""Agreement of a significant peak is above both of these: a value, and a share of the largest
-agreement.
+"""The agreement of a significant peak is larger than both of these limits: a value, and a share of
+the largest agreement.
 """
 
 CLIP = 4.0
@@ -175,8 +175,8 @@ class DetailSums:
 
 
 class Agreement(NamedTuple):
-    """Agreement between halves of the views. `without` has the agreement after one block of the
-    raster is left out, for each block, shape (BLOCKS²,).
+    """Agreement between halves of the views. `without` has one agreement for each block of the
+    raster, which is computed without this block, shape (BLOCKS²,).
     """
 
     value: float
@@ -255,11 +255,11 @@ def peak_near(places: Floats, curve: Sequence[Agreement], index: int) -> Peak:
 def peaks_of(places: Floats, curve: Sequence[Agreement]) -> tuple[int, int | None]:
     """Indices of the lowest significant peak, and of the highest peak above it.
 
-    A peak is significant if it rises above the saddle beside it by `PROMINENCE` standard deviations
-    of this difference. The standard deviation is computed by leaving out one block of the raster at
-    a time (jackknife). Errors of neighbouring values are correlated, so the difference is more
-    accurate than each value. If no peak is significant, the largest value is taken, even if it is
-    at an end of the curve.
+    A peak is significant if the difference between the peak and the saddle beside it is larger than
+    `PROMINENCE` standard deviations of this difference. The standard deviation is computed by
+    leaving out one block of the raster at a time (jackknife). Errors of neighbouring values are
+    correlated, so the difference is more accurate than each value. If no peak is significant, the
+    largest value is taken, even if it is at an end of the curve.
     """
     from scipy.signal import find_peaks
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from aosplan.postflight.integral.camera_pose import Intrinsics, View
 
 UPS = {"z": (0.0, 0.0, 1.0), "-z": (0.0, 0.0, -1.0), "y": (0.0, 1.0, 0.0), "-y": (0.0, -1.0, 0.0)}
-"""Directions of the world that may be up, by name."""
+"""Directions of the world that can be the upward direction, by name."""
 
 MOST_PIXELS = 64_000_000
 """Largest number of pixels of an integral image. The sums of a colour image of this size need

@@ -45,14 +45,14 @@ BANDS = {
 
 
 RAW = {("L", 0, 1): "u1", ("I;16", 0, 1): "<u2"}
-"""Types of pixels in TIFFs without compression, by Pillow's arguments of the decoder."""
+"""Pixel types of uncompressed TIFFs, by the arguments that Pillow passes to its decoder."""
 
 ROWS_AT_ONCE = 256
 """Number of rows that are converted to 8 bits at once."""
 
 ENDS, TAIL_BYTES = {"JPEG": b"\xff\xd9", "PNG": b"IEND\xaeB`\x82"}, 4096
-"""Last bytes of complete images by format, which zeros may follow; and the number of bytes in which
-they are searched.
+"""Last bytes of complete images, by format, which may be followed by zeros; and the number of bytes
+at the end of a file in which they are searched for.
 """
 
 STRIP_OFFSETS, STRIP_LENGTHS = 273, 279

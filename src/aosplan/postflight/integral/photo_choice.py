@@ -24,8 +24,8 @@ LEVEL_DEG = -30.0
 """Pitch above which a camera shows the horizon instead of the ground."""
 
 LOW = 0.5
-"""A photo below this share of the median height of all photos is assumed to be taken during the
-climb.
+"""A photo below this share of the median height of all photos is assumed to have been taken during
+the climb.
 """
 
 FAR_M, FAR = 500.0, 20.0
@@ -127,8 +127,9 @@ def _low(tags: Mapping[str, PhotoMetadata], places: Mapping[str, Place]) -> list
 
 
 def _is_climb(above_m: NDArray[np.float64], low: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which low photos are at the beginning and rise from photo to photo, or are at the end and
-    sink.  If any other photo is low, none is: the flight then has two heights.
+    """Mask of the low photos that were taken during the climb or the descent. Their heights
+    increase at the beginning of the flight or decrease at its end. If any other photo is low, the
+    flight is assumed to have two heights, and no photo is in the mask.
     """
     flown = np.flatnonzero(~low)
     first, last = flown[0], flown[-1]
@@ -139,7 +140,9 @@ def _is_climb(above_m: NDArray[np.float64], low: NDArray[np.bool_]) -> NDArray[n
 
 
 def _few(names: list[str], are_wrong: Collection[bool]) -> list[str]:
-    """Names of the photos that are wrong, or no names if they are too many to be exceptions."""
+    """Names of the photos that are wrong. There are no names if so many photos are wrong that they
+    cannot be exceptions.
+    """
     found = [name for name, is_wrong in zip(names, are_wrong, strict=True) if is_wrong]
     return found if len(found) <= max(MOST_WRONG * len(names), 1.0) < len(names) else []
 

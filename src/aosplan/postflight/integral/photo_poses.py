@@ -191,8 +191,8 @@ def _heights(
 ) -> tuple[NDArray[np.float64], list[Message]]:
     """Heights above the take-off point.
 
-    The result is the barometric heights. If there are RTK heights, it is the mean barometric height
-    plus the deviations of the RTK heights from their mean.
+    Without RTK heights, these are the barometric heights. With RTK heights, they are the mean
+    barometric height plus the deviations of the RTK heights from their mean.
     """
     relative = [
         one if one is not None else other.relative_altitude_m

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     Adjust = Callable[[ViewSource, Picture], Picture]
 
 RIM = 0.15
-"""The weight of a photo decreases to zero in a rim. This is the width of the rim, as a share of the
-side of the photo.
+"""Width of the rim of a photo in which its weight decreases to zero, as a share of the side of the
+photo.
 """
 
 SHOWN_PX = 600

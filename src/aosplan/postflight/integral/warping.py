@@ -59,13 +59,15 @@ class Relief(NamedTuple):
 
 
 class Scratch:
-    """Memory that is used again for each image, because the system takes long to provide it."""
+    """Memory that is used again for each image, because it takes the system a long time to provide
+    memory.
+    """
 
     def __init__(self) -> None:
         self._kept: dict[str, NDArray[np.float32]] = {}
 
     def array(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        """An array of this shape with undefined values, which replaces that of the same name."""
+        """An array of this shape with undefined values. It replaces the array of the same name."""
         size = math.prod(shape)
         kept = self._kept.get(name)
         if kept is None or kept.size < size:

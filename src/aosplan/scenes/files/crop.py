@@ -30,8 +30,8 @@ WGS84 = "EPSG:4326"
 GLOBE_DEG = (180.0, 90.0, 180.0, 90.0)
 
 NEARBY = 10_000.0
-"""Bounds may be degrees or coordinates of the cloud. They are read as coordinates of the cloud if
-no coordinate of its first point exceeds this.
+"""Bounds may be in degrees or in coordinates of the cloud. They are read as coordinates of the
+cloud if no coordinate of the first point of the cloud exceeds this value.
 """
 
 NARROWEST_M = 50.0

@@ -228,8 +228,8 @@ def _triangulated(points: Floats, rows: int, columns: int, pitch_m: float) -> Fl
 
 
 def _steps(low: Floats, high: Floats, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Pairs (interval, integer) of all integers from 0 to count - 1 that are in each of many
-    intervals.
+    """Pairs (interval, integer): for each of many intervals, all integers from 0 to count - 1 that
+    are in it.
     """
     first = np.maximum(np.ceil(low - 1e-9), 0.0).astype(np.intp)
     last = np.minimum(np.floor(high + 1e-9), count - 1.0).astype(np.intp)

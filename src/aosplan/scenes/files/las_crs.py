@@ -72,7 +72,7 @@ class Reference(NamedTuple):
 def metres_of(found: Reference, given: Units | None) -> tuple[Units, list[Warned]]:
     """Units for every axis, and warnings about assumptions and conversions.
 
-    The sentences of the warnings continue after the name of the file.
+    Each warning is the end of a sentence that begins with the name of the file.
 
     Parameters
     ----------

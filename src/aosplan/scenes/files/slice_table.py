@@ -74,7 +74,7 @@ def read_slices(path: str) -> LayeredScene:
 
 
 def _as_long_as(header: list[str], cells: list[str]) -> list[str]:
-    """The cells of a row, made as many as the cells of the header.
+    """The cells of a row, shortened or extended to the number of cells of the header.
 
     Some spreadsheets add commas after the last column, or leave out empty cells at the end of a
     row.

@@ -30,7 +30,7 @@ than this.
 
 
 def warnings_of_files(files: Sequence[PointFile]) -> list[Warned]:
-    """The warnings of several files.  A warning that several files have is given once."""
+    """The warnings of several files.  A warning that several files have in common is given once."""
     names: dict[Warned, list[str]] = {}
     for file in files:
         for warning in file.warnings:

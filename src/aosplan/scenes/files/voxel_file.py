@@ -66,7 +66,7 @@ DAMAGE = (
     zipfile.LargeZipFile,
     zlib.error,
 )
-"""Exceptions of the readers of archives and arrays if the file is not valid."""
+"""Exceptions that the readers of archives and arrays raise if the file is not valid."""
 
 
 class VoxelStand(NamedTuple):
