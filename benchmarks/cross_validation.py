@@ -4,9 +4,10 @@
 
 For each half of each plot (west, east, south, north), plans with at most 49 samples are made with
 the measured model: for the best contrast and for the best visibility, as a trimmed grid and as
-three lanes. Each plan is evaluated on the opposite half, together with the plan of the paper. At
-the baseline of the paper's plan, 98 % of the occluders of the fitted half have d̂ >= 1. It is the
-largest trimmed grid whose path is not longer than the path of the fitted plan.
+three lanes. Each plan is evaluated on the opposite half, together with the plan of the paper. The
+paper's plan has the baseline at which 98 % of the occluders of the fitted half have d̂ >= 1. It is
+the largest trimmed grid with this baseline whose path is not longer than the path of the fitted
+plan.
 
 Generated stands are always used.  Point clouds are used in addition if they are given.  It takes a
 minute or two per stand, prints a table, and writes it to benchmarks/results/.

@@ -5,8 +5,8 @@
 The forests are slices of independent occluders (presets, with densities from 0.3 to 0.97),
 generated stands with crowns, and the western halves of point clouds if given. For each forest, the
 contrast is chosen so that the model predicts that about half of the targets are found. At this
-contrast, errors of the prediction are largest. Then other forests than those of the prediction are
-searched: other random slices, other stands with the same parameters, or the eastern half of the
+contrast, errors of the prediction are largest. The simulated searches are in other forests than the
+prediction: other random slices, other stands with the same parameters, or the eastern half of the
 cloud. For stands, there is also a prediction by independent slices of the same density, as in a
 plan without a point cloud. It takes ten minutes and writes tables and a figure to
 benchmarks/results/.

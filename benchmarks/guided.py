@@ -3,10 +3,11 @@ from which they were chosen.
 
     python benchmarks/guided.py UAS_Clip.laz
 
-Plans with ``--grid guided`` are made above discs of ground, within two times from take-off to
-landing and with photos 0.7 s apart while flying. Each plan is compared with its own plain grids:
-lanes, a single line, squares and trimmed grids, with photos at stops and while flying. Their rows, columns and spacings are
-chosen with the same half of the pulses. The plans are judged with
+Plans with ``--grid guided`` are made above discs of ground, for each of two limits of the time from
+take-off to landing and with photos 0.7 s apart while flying. Each plan is compared with its own
+plain grids: lanes, a single line, squares and trimmed grids, with photos at stops and while flying.
+Their rows, columns and spacings are chosen with the same half of the pulses. The plans are judged
+with
 
 - *half*: the other half of the pulses, as in the plan itself;
 - *line*: for plans with the pulses of a single flight line, the stand from the other flight line;
@@ -16,9 +17,9 @@ chosen with the same half of the pulses. The plans are judged with
 not better than the plain grids. `own` is the prediction of the plan itself, and `least` is the
 prediction with dense foliage wherever no pulse has passed. *Found* is the share of targets of
 contrast 2 that the detector of `aosplan simulate` finds in a simulated integral image of the
-judging stand. The best plain grid is chosen by the judge after the fact, which favours it.
-`results/guided.csv` has a row for each plan, and `results/guided_summary.csv` the mean differences
-with standard errors over the discs.
+judging stand. The best plain grid is chosen afterwards with the judging data, which favours the
+plain grids.  `results/guided.csv` has a row for each plan, and `results/guided_summary.csv` has the
+mean differences with standard errors over the discs.
 """
 
 from __future__ import annotations

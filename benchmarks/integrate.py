@@ -32,8 +32,8 @@ SIZES = {"thermal 640 x 512": (640, 512, "L"), "thermal 640 x 512, 16 bits": (64
          "colour 1920 x 1080": (1920, 1080, "RGB"), "colour 5472 x 3648": (5472, 3648, "RGB")}  # fmt: skip
 VIEWS = 8
 MEMORY = [
-    # Number, width and height of the images, and size of a pixel of the integral divided by that of
-    # an image.
+    # Number, width and height of the images, and pixel size of the integral divided by the pixel
+    # size of an image.
     (3, 1920, 1080, 1.0), (48, 1920, 1080, 1.0), (3, 5472, 3648, 4.5), (24, 5472, 3648, 4.5),
     (3, 5472, 3648, 1.0), (24, 5472, 3648, 1.0),
 ]  # fmt: skip

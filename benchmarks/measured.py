@@ -272,7 +272,7 @@ def draw(rows: list[Row], title: str, path: Path) -> None:
     for panel, error, name in zip(panels, ("error_v", "error_vhat"), ("V", "V̂"), strict=True):
         for method, view in kinds:
             chosen = [row for row in rows if (row.method, row.view) == (method, view)]
-            # Larger voxels are a different stand, so their points are not connected.
+            # Larger voxels are a different stand, so the points of their results are not connected.
             line = [row for row in chosen if not row.setting.endswith("m")]
             style = "o-" if view == "telecentric" else "s--"
             points = [(row.seconds, getattr(row, error)) for row in line]

@@ -75,7 +75,7 @@ class Growth(NamedTuple):
 
 
 def best_time(call: Callable[[], object]) -> float:
-    """Processor time [s].  It does not depend on other processes."""
+    """Shortest processor time [s] of several calls.  Other processes do not count."""
     times = []
     for _ in range(RUNS):
         start = time.process_time()
@@ -178,8 +178,8 @@ def claims(rows: list[Row]) -> list[str]:
 
 
 def megabytes() -> float:
-    """Peak memory of this process.  `getrusage` is used only if this fails, because its value for a
-    child starts with the peak of the parent.
+    """Peak memory of this process.  `getrusage` is used only if /proc cannot be read, because its
+    value for a child starts with the peak of the parent.
     """
     try:
         with open("/proc/self/status", encoding="ascii") as file:

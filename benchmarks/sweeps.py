@@ -243,8 +243,8 @@ def kinds_of(folder: Path) -> dict[str, dict[str, Iterable[Any]]]:
 
 
 def kinds(folder: Path) -> None:
-    """Rates of data frames that are solved as columns, or as rows with shared models, compared with
-    `plan`.
+    """Rates of data frames that are solved together as arrays, or row by row with shared models,
+    compared with `plan`.
     """
     rows = []
     for name, axes in kinds_of(folder).items():

@@ -4,8 +4,8 @@ result.
 Run: python benchmarks/trips.py [--files TRIP] [--scene CLOUD.npz]
 
 Each trip runs twice, and the second run counts, so that imports are left out.  "Changes" is the
-number of calls that are in another file than the call before.  ``--files`` lists the files of one
-trip in the order in which they are entered, with the functions that are called.
+number of calls of a function whose file is not the file of the previous call.  ``--files`` lists
+the files of one trip in the order in which they are entered, with the functions that are called.
 """
 
 from __future__ import annotations

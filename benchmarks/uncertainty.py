@@ -5,10 +5,10 @@
 Each plot is cut into two halves (west and east, and south and north) and into four quarters. Grids
 of 9, 25 and 49 photos are predicted for all parts by the measured model, telecentric and in
 perspective. The difference of p̄, V and V̂ between two parts is divided by its standard error. This
-is the root of the sum of the squares of the standard errors of both parts. Only the contribution
-`plot` of the standard errors is used, because both parts have the same error of opacity. If
-differences are normally distributed, 68 % of these ratios are within 1, and 95 % are within 2.
-Grids whose rays cross more than half of a part are left out.
+standard error is the root of the sum of the squares of the standard errors of both parts. Only the
+contribution `plot` of the standard errors is used, because both parts have the same error of
+opacity. If differences are normally distributed, 68 % of these ratios are within 1, and 95 % are
+within 2.  Grids whose rays cross more than half of a part are left out.
 
 The plots are generated stands of 24 m and 48 m whose numbers of trees are Poisson distributed, and
 clouds if they are given.  Each cloud is used with the opacity from its pulses, if it has pulses,
@@ -16,10 +16,10 @@ and with opaque voxels.  The columns *stated* and *found* are the root mean squa
 standard errors and of the differences.  It takes two minutes of processor time, prints a table, and writes it to
 benchmarks/results/.
 
-The last rows have the mean shares of each real plot and of both, and the range of these shares that
-is due to chance.  The range contains 95 % of the shares of plots whose quarters differ by normally
-distributed amounts, if all standard errors are exact.  All differences of a plot come from its four
-quarters, so that the range is wide.
+The last rows have the mean shares of each real plot and of both plots, and the range in which these
+shares vary by chance.  The range contains 95 % of the shares of plots whose quarters differ by
+normally distributed amounts, if all standard errors are exact.  All differences of a plot come from
+its four quarters, so that the range is wide.
 
 This benchmark has limits.  Parts of one plot are neighbours, and are more similar than two plots of
 a forest.  Two clouds are only two plots, and the differences of several grids between the same two
@@ -165,7 +165,7 @@ def main() -> None:
                 for quantity, pair in zip(QUANTITIES, by_quantity, strict=True):
                     found.setdefault((name, view, kind, quantity), []).append(pair)
     rows = [[*key, *shares(values), "", ""] for key, values in found.items()]
-    rows += [*by_plot(rows), *together(rows)]  # from the rows of single readings
+    rows += [*by_plot(rows), *together(rows)]  # They are computed from the rows of single readings.
     header = [
         "stand",
         "view",
@@ -188,8 +188,8 @@ def main() -> None:
 
 
 def chance(plots: int) -> list[str]:
-    """Range of the mean share within one and within two standard errors that contains 95 % of the
-    results, for a number of plots whose quarters are independent and normally distributed.
+    """Ranges of the mean shares within one and within two standard errors.  Each range contains 95
+    % of the results for a number of plots whose quarters are independent and normally distributed.
     """
     south_west, south_east, north_west, north_east = quarters = np.random.default_rng(
         SEED
@@ -248,7 +248,9 @@ def together(rows: list[list[str]]) -> list[list[str]]:
 
 
 def shares(pairs: list[tuple[float, float]]) -> list[str]:
-    """Number, shares within one and two standard errors, and root mean squares of both."""
+    """Number of differences, their shares within one and two standard errors, and the root mean
+    squares of the standard errors and of the differences.
+    """
     difference, stated = np.array(pairs).T
     return [
         str(len(difference)),

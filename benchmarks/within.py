@@ -7,9 +7,9 @@ and winds. The brute-force search makes a request for each combination of coarse
 options that `--within` may choose: altitudes, triggers, headings, kinds of grid (square, rectangle,
 line, lanes with several numbers and pitches), samples and spacings. The test is passed if no
 combination within the time has a probability of detection that is more than 2 % higher than the
-probability of the plan. To save time, only some flights are planned completely. Their probability
-is more than the probability of the plan minus 0.05, and their photos alone do not take too long.
-The benchmark takes some minutes and writes the table to benchmarks/results/within.csv.
+probability of the plan. To save time, a flight is planned completely only if its probability is
+more than the probability of the plan minus 0.05, and if its photos alone do not take too long.  The
+benchmark takes some minutes and writes the table to benchmarks/results/within.csv.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ settings.load_profile("aosplan")
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_makereport():
-    """Report a failure without garbage collection.
+    """Disable garbage collection while a failure is reported.
 
     Objects that are collected may print their own traceback, such as an asyncio task that was not
     awaited.  CPython 3.11 then raises a SystemError while it parses the source of the failed test.
@@ -96,7 +96,7 @@ def command(capsys):
 
 @pytest.fixture
 def campaign(tmp_path):
-    """A file with the sweep of the tests."""
+    """The file of the sweep that several tests use."""
     from support.campaigns import CAMPAIGN
 
     path = tmp_path / "campaign.toml"

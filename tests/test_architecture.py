@@ -254,7 +254,7 @@ def public_definitions(path):
             if child.name.startswith("_"):
                 continue
             if "overload" in map(ast.unparse, child.decorator_list):
-                continue  # the function that follows is described
+                continue  # The function after the overloads has the docstring.
             yield f"{prefix}{child.name}", child
             if isinstance(child, ast.ClassDef):
                 yield from walk(child, f"{prefix}{child.name}.")

@@ -214,7 +214,7 @@ def test_either_all_files_or_none_are_renamed(folder, monkeypatch, name, on, exi
         write_all({"a.csv": b"new", "b.csv": b"new"}, force=bool(existing))
     except SurroundingsError:
         assert content_of(folder) == before
-    else:  # There were fewer calls, or the program continued without the file.
+    else:  # There were fewer calls than `on`, or the program continued without the file.
         assert content_of(folder) == {"a.csv": b"new", "b.csv": b"new"}
 
 

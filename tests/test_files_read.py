@@ -252,7 +252,7 @@ def test_any_bytes_make_a_table_or_an_error(tmp_path_factory, content, suffix):
 
 
 class PanicException(BaseException):
-    """A panic of Rust in Python, which is not an `Exception`."""
+    """What a panic in Rust code raises in Python.  It is not an `Exception`."""
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Differences of Windows and macOS, simulated on this system."""
+"""Properties in which Windows and macOS differ from this system, simulated on this system."""
 
 import errno
 import os

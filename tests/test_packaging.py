@@ -1,5 +1,5 @@
-"""The oldest versions of dependencies are the same in the package, in the tests that use them, and
-in the recipe.
+"""The oldest supported version of each dependency is the same in the package, in the tests that use
+it, and in the recipe.
 """
 
 import re

@@ -1,6 +1,4 @@
-"""The functions of `aosplan`: tests of their arguments, and comparison of their results with the
-results of the commands.
-"""
+"""The functions of `aosplan` check their arguments, and give the same results as the commands."""
 
 import inspect
 import json
@@ -163,7 +161,7 @@ def test_flights_are_reviewed_and_thinned_as_by_the_commands(placed, tmp_path, d
     found = aosplan.review(flown, placed)
     assert found.document() == document("review", flown, plan)
     assert found.missing == [7, 8, 9]
-    # As in the command, this is the time of the top-up. The plan keeps its own time.
+    # As in the command, `within` limits the time of the top-up. The plan keeps its own limit.
     minutes = found.topup.route.total_time_s / 60.0 - 0.01
     shorter = aosplan.review(flown, placed, within=minutes)
     assert shorter.document() == document("review", flown, plan, "--within", minutes)

@@ -35,7 +35,9 @@ def rectangle(west, south, east, north):
 
 
 def around(latitude, longitude, sides=8, radius_m=500.0):
-    """A regular polygon around a place, made of geodesics.  It is not cut at the antimeridian."""
+    """A regular polygon around a place, made of geodesics.  A polygon that crosses the antimeridian
+    is not split there.
+    """
     azimuths = np.arange(sides) * 360.0 / sides
     lon, lat, _ = GEOD.fwd([longitude] * sides, [latitude] * sides, azimuths, [radius_m] * sides)
     ring = [[round(x, 12), round(y, 12)] for x, y in zip(lon, lat, strict=True)]

@@ -1,5 +1,5 @@
-"""The same area in all formats, reference systems and variants of other programs gives the same
-outline.
+"""An area has the same outline in all file formats, reference systems and variants of other
+programs.
 """
 
 import io
@@ -118,7 +118,7 @@ def test_a_notice_gives_a_transformation_and_its_accuracy(written):
 
 
 class Silent:
-    """A transformer without the accuracy of its steps, as PROJ 9.8 returns it."""
+    """A transformer that does not state the accuracy of its steps, as in PROJ 9.8."""
 
     accuracy = -1.0
 

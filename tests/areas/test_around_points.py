@@ -50,7 +50,8 @@ def test_the_area_is_the_ground_within_the_radius_of_a_point(tmp_path, text):
         axis=0,
     )
     assert inside[nearest < 9.9999].all()
-    assert not inside[nearest > 10.05].any()  # The corners of 32-gons are at 10.049 m.
+    # The corners of the 32-gons are 10.049 m from the points.
+    assert not inside[nearest > 10.05].any()
     assert 1000 < inside.sum() < 19_000
 
 

@@ -1,4 +1,4 @@
-"""The coverage rule, compared with counts of every point, site and image."""
+"""The coverage rule, compared with direct counts over all points, sites and images."""
 
 import math
 
@@ -120,8 +120,8 @@ def test_lattices_with_too_many_cells_to_number_are_refused():
 
 
 def count_in_rectangles(sites, points, size):
-    """Number of sites in the rectangle around each point, including its border.  This is the
-    definition of the coverage rule.
+    """Number of sites inside or on the border of the rectangle around each point.  The coverage
+    rule is defined by this number.
     """
     apart = np.abs(sites[None, :, :] - points[:, None, :])
     return (apart <= np.array(size) / 2 * (1 + 1e-7)).all(axis=2).sum(axis=1)

@@ -1,4 +1,4 @@
-"""Lower bounds of the number of sites of an area, compared with complete surveys."""
+"""Lower bounds of the number of sites that an area needs, compared with complete surveys."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Nearest points by comparing all pairs and by a tree."""
+"""The nearest points are the same from a comparison of all pairs and from a tree."""
 
 import json
 import subprocess

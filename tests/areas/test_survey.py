@@ -86,7 +86,7 @@ class Judge:
         shape = shapely.transform(
             shape, lambda points: self.turned(*self.project.transform(points[:, 1], points[:, 0]))
         )
-        # After rounding, the sides of a spike may cross or enclose no area.
+        # After rounding, the sides of a spike may cross each other, or may enclose no area.
         return opened(shapely.make_valid(shape))
 
     def area(self, path):

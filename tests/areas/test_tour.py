@@ -1,6 +1,4 @@
-"""Order of sites and detours around zones: all sites are visited once, no zone is entered, and
-bounds are valid.
-"""
+"""Tours visit all sites once and enter no zone, and no tour is shorter than its lower bound."""
 
 import heapq
 import itertools
@@ -30,7 +28,7 @@ cells = st.sets(st.tuples(st.integers(0, 12), st.integers(0, 12)), min_size=1, m
 
 
 def numbered(places, pitch):
-    """Numbers of cells in increasing order, and their positions."""
+    """The numbers of the cells in increasing order, and the positions of the cells."""
     numbers = np.array(sorted(row * STRIDE + column + 5 for row, column in places), np.int64)
     rows, columns = np.divmod(numbers, STRIDE)
     return numbers, np.column_stack([columns * pitch[0], rows * pitch[1]])
@@ -113,7 +111,7 @@ def test_the_tour_of_a_rectangle_has_the_shortest_possible_length(shape):
 
 
 def test_lines_are_flown_along_the_axis_that_takes_less_time():
-    # The direction with fewer, longer steps between lines is faster.
+    # The faster direction is the one with fewer lines, although the steps between these are longer.
     wide, points = numbered(itertools.product(range(10), range(10)), (1.0, 4.0))
     assert flown(wide, points).axis == "along"
     tall, points = numbered(itertools.product(range(10), range(10)), (4.0, 1.0))

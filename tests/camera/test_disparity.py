@@ -57,8 +57,8 @@ def needed_baseline(slab, height, altitude, focal_length):
 
 
 def occluders(slabs, altitude, focal_length, count):
-    """Evenly distributed occluders of the slabs: the baseline that each occluder needs, and its
-    share of all occluders.
+    """The baseline that each of many evenly distributed occluders needs, and its share of all
+    occluders.
     """
     spread = (np.arange(count) + 0.5) / count
     needed = [
@@ -126,7 +126,9 @@ def test_the_baseline_of_one_slab_follows_from_the_height_above_which_the_share_
 
 @pytest.mark.parametrize(("altitude", "baseline"), [(50.0, 3.5), (40.0, 2.8), (100.0, 7.0)])
 def test_the_papers_forest_has_the_papers_baselines(altitude, baseline):
-    """The baseline for 98 % of the occluders is 3.5 m at 50 m, and 2.8 m at 40 m."""
+    """The baseline for 98 % of the occluders is 3.5 m from an altitude of 50 m, and 2.8 m from 40
+    m.
+    """
     preset = SCENES["paper-forest"]
     base, height = preset.volume_base_m, preset.volume_height_m
     slab = Slab(base, base + height, preset.occluder_size_m, 1.0)
@@ -264,8 +266,8 @@ def test_occluders_below_one_pixel_need_a_disparity_of_one_pixel():
 
 def test_a_gap_between_slabs_needs_no_coverage():
     slabs = (Slab(1.0, 2.0, 0.2, 1.0), Slab(5.0, 10.0, 0.2, 1.0))
-    # The upper slab is covered at baselines of at least 0.2 · 50/5. Any larger share needs the top
-    # of the lower slab.
+    # The upper slab is covered at baselines of at least 0.2 · 50/5. For any larger share, the
+    # baseline has to cover the top of the lower slab, too.
     assert coverage_baseline(slabs, 50.0, SHARP, 0.5).baseline_m == near(2.0, rel=1e-12)
     just_more = coverage_baseline(slabs, 50.0, SHARP, 0.5 + 1e-9)
     assert just_more.baseline_m == near(5.0, rel=1e-8)

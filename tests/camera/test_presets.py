@@ -8,7 +8,8 @@ import pytest
 from aosplan.camera.presets import CAMERAS
 
 # Manufacturers round fields of view to a degree, and publish them for images before the correction
-# of the lens. If the difference to the preset is larger than this, the preset mentions it.
+# of the lens. If a field of view differs from the preset by a larger share than this, the preset
+# mentions the difference.
 FIELD_TOLERANCE = 0.02
 # This is the largest difference between the calibration of a single camera and the preset of its
 # type.
@@ -20,7 +21,7 @@ def field_deg(extent_mm, camera):
 
 
 def stated_fields(camera):
-    """Angles [deg] in the source, each with the size of the sensor to which it belongs."""
+    """Fields of view [deg] that the source states, each with the extent [mm] of the sensor for it."""
     width, height = camera.sensor_width_mm, camera.sensor_height_mm
     for angle, axis in re.findall(r"([\d.]+)° (diagonal|horizontal)", camera.source):
         yield float(angle), width if axis == "horizontal" else hypot(width, height)

@@ -186,7 +186,7 @@ def test_completion_for_bash_returns_the_part_after_the_last_word_break(
 
 @pytest.fixture
 def program(tmp_path_factory, monkeypatch):
-    """A folder on the PATH with ``aosplan``."""
+    """A program ``aosplan`` in a folder that is on the PATH."""
     place = tmp_path_factory.mktemp("bin") / "aosplan"
     place.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m aosplan "$@"\n')
     place.chmod(0o755)
@@ -202,7 +202,7 @@ def script(shell, folder):
 
 
 def typed(command, lines, keys, wanted, seconds=60.0):
-    """Output of an interactive shell after some lines and keys, until the expected text appears."""
+    """Type lines and keys in an interactive shell, and return its output up to the expected text."""
     child, terminal = pty.fork()
     if child == 0:
         os.execvp(command[0], command)
@@ -250,7 +250,8 @@ def needs(shell):
     return pytest.mark.skipif(not shutil.which(shell), reason=f"no {shell}")
 
 
-# The other cases are the same for both shells. `compinit` of zsh takes half a second.
+# For zsh, all cases but the first are slow tests, because `compinit` takes half a second, and these
+# cases are the same for both shells.
 @pytest.mark.parametrize(
     ("shell", "line", "wanted"),
     [
@@ -295,7 +296,7 @@ def test_fish_shows_descriptions_of_candidates(program, files):
 
 @pytest.fixture(scope="module")
 def parsed():
-    """A function that parses PowerShell and returns whether the grammar finds an error."""
+    """A function that parses PowerShell code and returns whether the code has a syntax error."""
     tree_sitter = pytest.importorskip("tree_sitter")
     grammar = pytest.importorskip("tree_sitter_powershell")
     parser = tree_sitter.Parser(tree_sitter.Language(grammar.language()))

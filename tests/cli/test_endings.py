@@ -54,8 +54,9 @@ finally:
     if {moment} == -1:
         print(-1 - left)
 """
-"""A program that interrupts itself at a numbered call or return of a function.  The numbers begin
-just before it loads a module.  With the number -1, it prints how many there are.
+"""A program that interrupts itself at the function call or return with a given number.  The numbers
+begin just before the program loads a module.  If the given number is -1, the program prints how
+many calls and returns there are.
 """
 
 LINES = [
@@ -66,7 +67,9 @@ LINES = [
 
 
 def executed(code, arguments, handler=signal.default_int_handler):
-    """A finished process that runs Python code, and that starts with a handler of Ctrl-C."""
+    """Run Python code in a process that starts with a given handler of Ctrl-C, and return the
+    finished process.
+    """
     return subprocess.run(
         [sys.executable, "-c", code, *arguments],
         capture_output=True,
@@ -129,8 +132,8 @@ sys.meta_path.insert(0, Interrupting())
 from aosplan.__main__ import main
 main()
 """
-"""Programs in which Ctrl-C does not raise a usual exception: in a callback, and while a class is
-created.
+"""Programs that receive Ctrl-C at moments at which Python does not raise KeyboardInterrupt as
+usual: in a callback, and while a class is created.
 """
 
 
@@ -225,7 +228,7 @@ def test_closed_standard_streams_do_not_affect_other_files(folder, line, status)
     assert done.returncode == status
     assert "Traceback" not in done.stderr
     written = folder / "a.csv"
-    if written.exists():  # It must not contain the output of another stream.
+    if written.exists():  # The file must not contain the output of another stream.
         rows = written.read_text().splitlines()
         assert rows[0].startswith("index,")
         assert len(rows) == 51

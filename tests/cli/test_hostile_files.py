@@ -237,7 +237,7 @@ def test_a_panic_in_a_library_gives_one_error_line(command, monkeypatch):  # a t
     polars = pytest.importorskip("polars")
 
     class PanicException(BaseException):
-        """A panic of Rust in Python."""
+        """The exception that a panic in Rust code raises in Python."""
 
     def panic(*_arguments, **_options):
         raise PanicException("assertion failed")

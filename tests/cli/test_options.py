@@ -19,8 +19,8 @@ from support.command_line import (
 from aosplan.planning.options import OPTIONS
 
 PERSON = ["--find", "person", "--contrast", "1", "--canopy-offset", "0", "--crown-share", "0"]
-"""A person with an explicit signature.  A later option on the command line replaces an earlier
-one.
+"""Options for a person with an explicit signature.  They are replaced by options that come later on
+the command line.
 """
 
 STEMS = ["--stems-per-hectare", "400", "--crown-diameter", "5", "--leaf-area-index", "1e5"]
@@ -392,7 +392,7 @@ def test_every_option_has_its_effect_tested():
 
 @pytest.fixture(scope="module")
 def default():
-    """The document of a plan without any option but the altitude."""
+    """The document of a plan whose only option is the altitude."""
     return loads(process("plan", "--altitude", "40", "--json").stdout)
 
 

@@ -98,6 +98,6 @@ def test_positions_are_found_by_their_columns(folder, document, header):
     lines = [header, ",".join(row[n] for n in names), ",".join(other[n] for n in names)]
     (folder / "p.csv").write_text("\ufeff" + "\n".join(lines) + "\n\n", encoding="utf-8")
     result = document("visibility", "--density", "0.5", "--positions", "p.csv", "--spacing", "4")
-    # Two samples three quarters of a spacing apart: K = (1 + 1/4) / 2.
+    # For two samples that are three quarters of a spacing apart, K = (1 + 1/4) / 2.
     assert result["samples"] == 2
     assert result["visibility"]["shortfall"] == pytest.approx(0.625)

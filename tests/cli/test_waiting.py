@@ -1,4 +1,4 @@
-"""Progress that a terminal shows during long work, and its removal at the end."""
+"""A terminal shows progress during long work, and removes it at the end."""
 
 import re
 
@@ -9,7 +9,7 @@ AT_ONCE = (
     "import aosplan.cli.output as output\noutput.PATIENCE_S = 0.0\n"
     "from aosplan.__main__ import main\nmain()\n",
 )
-"""Arguments that run the program without the delay before it shows a search."""
+"""Arguments of Python that run the program so that it shows the progress of a search at once."""
 
 SEARCH = ["plan", "--altitude", "40", "--grid", "best", "--optimize", "visibility"]
 SEARCH = [*SEARCH, "--max-samples", "30", "--max-aperture", "9"]

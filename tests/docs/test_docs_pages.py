@@ -23,7 +23,9 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def windows(chromium):
-    """A wide and a narrow window, each with a list of its requests and errors."""
+    """A wide and a narrow window, each with a list of its errors and of its requests to other
+    hosts.
+    """
 
     def window(settings):
         page, faults = chromium.new_context(offline=True, **settings).new_page(), []
@@ -56,7 +58,8 @@ def test_a_page_is_complete_and_accessible_in_every_layout(windows, path):
     desk.goto(path.as_uri())
     assert_complete(desk, desk_faults)
     assert serious_faults(desk) == {}
-    # Dark pages differ in their colours and pictures, and narrow pages in all but their colours.
+    # Dark pages differ from light pages only in colours and pictures. Narrow pages differ from wide
+    # pages in everything but colours.
     desk.emulate_media(color_scheme="dark")
     assert_complete(desk, desk_faults)
     assert serious_faults(desk, only=["color-contrast"]) == {}
@@ -67,7 +70,7 @@ def test_a_page_is_complete_and_accessible_in_every_layout(windows, path):
 
 
 class Links(HTMLParser):
-    """The links of a page and its targets of links."""
+    """The links of a page, and the anchors in the page to which links can point."""
 
     def __init__(self, path):
         super().__init__()

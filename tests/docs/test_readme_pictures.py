@@ -1,5 +1,5 @@
-"""The pictures of the README are small enough. The share of the ground that is hidden in their
-photos is the share of the rays that are blocked.
+"""The pictures of the README are small enough. In their photos, the hidden share of the ground
+equals the share of blocked rays.
 """
 
 import runpy
@@ -19,7 +19,7 @@ FOLDER = ROOT / "examples" / "readme"
 
 @pytest.fixture
 def beneath(monkeypatch):
-    """The script that draws the photos, with pixels of the size of voxels."""
+    """The script that draws the photos, with pixels that are as large as the voxels."""
     monkeypatch.syspath_prepend(str(FOLDER))
     import beneath
 

@@ -1,4 +1,6 @@
-"""Flights: tests of the sites of each battery, with the paths from the take-off point and back."""
+"""Flights with one battery each: tests of their sites, and of the paths from the take-off point and
+back.
+"""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Drones by name: complete data with sources, and their effects on a plan."""
+"""Drones by name have complete data with sources, and change a plan as they should."""
 
 import json
 

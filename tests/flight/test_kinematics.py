@@ -31,11 +31,11 @@ accelerations = st.floats(0.3, 6.0)
 
 
 def integrated(bounds, acceleration, stops, step=2e-3):
-    """Times at the ends of cells, for the fastest motion within the speed limits.
+    """Times at which the fastest motion within the speed limits reaches the ends of the cells.
 
-    `bounds` has the speed limits of cells of length `step`.  `stops` has the ends of cells at which
-    the drone stops.  The speeds come from a forward and a backward sweep, in which v² increases by
-    at most 2 a s over a length s.
+    `bounds` are the speed limits of the cells, whose length is `step`.  `stops` are the numbers of
+    the cell ends at which the drone stops.  The speeds come from a forward and a backward sweep, in
+    which v² increases by at most 2 a s over a length s.
     """
     speed = [0.0]
     for cell, bound in enumerate(bounds):
@@ -56,7 +56,8 @@ def test_stop_to_stop_times_equal_an_integration_of_the_fastest_motion(length, s
     cells = 4000
     times = integrated([speed] * cells, acceleration, {cells}, length / cells)
     time = stop_to_stop_s(length, speed, acceleration)
-    # If the speed limit is reached within a cell, the error of the sweep is less than this cell.
+    # If the speed limit is reached within a cell, the error of the sweep is less than the time for
+    # this cell.
     assert times[-1] == pytest.approx(time, rel=1e-3)
     for cell in range(0, cells + 1, 250):
         passed = passing_s(cell * length / cells, length, speed, acceleration)

@@ -1,9 +1,9 @@
 """Damaged files of every kind that aosplan reads, found by the fuzzer.  Each gives one error line,
 or if another photo is left, a warning that names the damaged photo.
 
-Each line of ``corpus/commands.txt`` has a file, its name in a folder with the files of
-``corpus/beside``, and the command that reads it.  To keep a file that ``test_readers.py`` has
-found, add the file and such a line.
+Each line of ``corpus/commands.txt`` names a damaged file, the name of its copy in a folder with the
+files of ``corpus/beside``, and the command that reads this copy.  To keep a file that
+``test_readers.py`` has found, add the file and such a line.
 """
 
 import shutil

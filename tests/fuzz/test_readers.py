@@ -2,10 +2,11 @@
 memory.
 
 Each example runs the command line in a separate process.  Status, output, time and memory are
-checked.  ``AOSPLAN_FUZZ_EXAMPLES`` mutations of each valid file are tried, starting with number
-``AOSPLAN_FUZZ_SEED``.  Failures are written to the folder ``AOSPLAN_FUZZ_KEEP``.  Earlier failures
-have separate tests in ``tests/cli/test_hostile_files.py``.  Every run of the tests reads a small
-corpus of mutated files (``test_corpus.py``).
+checked.  The variable ``AOSPLAN_FUZZ_EXAMPLES`` sets how many mutations of each valid file are
+tried, and ``AOSPLAN_FUZZ_SEED`` sets the number of the first mutation.  Failures are written to the
+folder that ``AOSPLAN_FUZZ_KEEP`` names.  Earlier failures have separate tests in
+``tests/cli/test_hostile_files.py``.  Every run of the tests reads a small corpus of mutated files
+(``test_corpus.py``).
 """
 
 import os
@@ -41,7 +42,7 @@ def good(tmp_path_factory):
 
 
 def mutated(content, rng):
-    """A file with parts cut, repeated, or replaced by unexpected values."""
+    """The content of a file in which parts are cut, repeated, or replaced by unexpected values."""
     content = bytearray(content)
     is_text = b"\0" not in content[:1000]
     for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
@@ -70,8 +71,8 @@ def mutated(content, rng):
 
 
 def outcome(folder, command):
-    """Description of the fault in the result of a command that runs in a separate process; empty
-    without a fault.
+    """Run a command in a separate process and describe the fault in its result; empty if there is
+    none.
     """
     said = folder / "stderr"
     started = time.monotonic()
@@ -111,8 +112,8 @@ def outcome(folder, command):
 
 
 def run_on(folder, seed, content, tmp_path):
-    """Description of the fault if a command reads some content instead of the valid file; empty
-    without a fault.
+    """Run the command of a valid file with other content in this file, and describe the fault;
+    empty if there is none.
     """
     place = tmp_path / "here"
     if not place.exists():

@@ -53,7 +53,7 @@ def missions():
 
 
 def flown_by(mission, form):
-    """The mission for an autopilot that supports the format: its own, or else the format's first."""
+    """The mission for its own autopilot if the format supports it, or else for the format's first."""
     autopilot = mission.settings.autopilot
     if not form.flown_by or autopilot in form.flown_by:
         return mission

@@ -41,8 +41,8 @@ def sites_left(samples):
     """Sites that the trimming rule leaves, computed from all sites of the rectangle.
 
     Surplus sites are removed in point-symmetric pairs, beginning with those farthest from the
-    centre.  Ties are in the order of (row, column).  If the surplus is odd, the last site is
-    removed alone.
+    centre.  Sites at the same distance are removed in the order of (row, column).  If the surplus
+    is odd, the last site is removed alone.
     """
     rows, columns = rectangle_for(samples)
 

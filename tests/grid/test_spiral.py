@@ -1,4 +1,6 @@
-"""Spirals: their sites, and the properties that models and missions require of patterns."""
+"""Spirals: tests of their sites, and of the properties that models and missions require of
+patterns.
+"""
 
 import itertools
 import math

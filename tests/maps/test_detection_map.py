@@ -1,4 +1,4 @@
-"""Detection by place, compared with counts of photos and with predictions for single places."""
+"""Detection at each place, compared with counts of photos and with predictions for single places."""
 
 import json
 import math
@@ -36,7 +36,9 @@ FIELD = str(AREAS / "field.geojson")
 
 @pytest.fixture(scope="module")
 def over_field():
-    """A plan and a map of fewer different predictions, whose values these tests do not check."""
+    """A plan and its map from fewer different predictions than usual.  These tests do not check the
+    values of the predictions.
+    """
     planned = plan(PlanRequest(**SPARSE, area=FIELD))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(place_detection, "MOST_PREDICTIONS", 60)

@@ -183,7 +183,7 @@ def test_mavsdk_refuses_a_plan_without_required_keys(ground_station, tmp_path, k
 
 
 class Vehicle:
-    """A minimal ArduCopter, with a heartbeat and the upload of missions."""
+    """A minimal ArduCopter that sends a heartbeat and receives missions."""
 
     def __init__(self, mavutil, port):
         self.mavlink = mavutil.mavlink

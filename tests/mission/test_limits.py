@@ -1,4 +1,6 @@
-"""Limits of a file: longer missions are split, or refused with a message that gives the number."""
+"""Limits of the number of items in a file: longer missions are split, or are refused with a message
+that states the number.
+"""
 
 import itertools
 import json

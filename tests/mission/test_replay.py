@@ -1,4 +1,4 @@
-"""Ideal flights of the files, for all combinations of options.
+"""Ideal flights of mission files are simulated for all combinations of options.
 
 Photos are taken at the planned sites and at no other places.  The flights keep the clearance over
 terrain and canopy, do not exceed the drone's speeds, and take the time of the plan.
@@ -94,7 +94,7 @@ RASTER_M = {
     "rough": (8.0 / 8.0**2 + 8.0 / 6.0**2) * 1.0**2 / 8.0,
     "flat": 0.0,
 }
-"""Largest difference between the rasters and the shapes."""
+"""Largest difference [m] between the heights of each raster and the exact shape of its ground."""
 
 DEGREE_M = 111_700.0
 
@@ -187,13 +187,13 @@ def test_files_fly_as_planned(terrains, craft, trigger, frame, grid):
         except RequestError as refused:
             check_refusal(name, values, refused)
     # Some drones have only formats that support neither photos while flying nor terrain heights.
-    # They have no file.
+    # No file is written for these drones.
     assert written or trigger == "distance" or frame == "terrain"
 
 
 def check_refusal(name, values, refused):
-    """Check that a file is refused with a remedy, and only if the drone or the format cannot fly
-    it.
+    """Check that the refusal of a file has a hint, and that the drone or the format cannot fly the
+    mission.
     """
     assert refused.hint
     form, drone = formats()[name], DRONES.get(values.get("drone", ""))

@@ -24,8 +24,8 @@ def random_leaves(rng, count):
 
 @pytest.mark.slow
 def test_leaves_of_random_direction_hide_by_the_length_of_a_ray():
-    """For rays cast through discs, ln T at a slope is ln T of vertical rays times the secant of the
-    angle.
+    """For rays cast through discs, ln T of slanted rays is ln T of vertical rays times the secant
+    of the angle from the vertical.
     """
     rng = np.random.default_rng(7)
     ground = rng.random((2, 60_000)) * 8.0

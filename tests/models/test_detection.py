@@ -43,7 +43,9 @@ def detection(layers, samples, baseline_m, signature=(5.0, 0.0, 0.0), altitude_m
 
 @pytest.mark.parametrize("target", [PERSON, Target(2.0, 2.0), Target(0.3, 4.0)])
 def test_kernels_have_the_moments_of_drawn_pairs_of_points(target):
-    """E|δ|² is (w² + l²)/6 for two points of a rectangle, and larger with a point of the box."""
+    """For two random points of a rectangle, E|δ|² is (w² + l²)/6.  It is larger for a point of a
+    shifted or rotated rectangle, and for a point of the box.
+    """
     made = kernels(target, 0.2)
     square = np.add.outer(made.fine_m**2, made.fine_m**2)
     expected = (target.width_m**2 + target.length_m**2) / 6.0
@@ -92,8 +94,8 @@ def test_shared_occluders_of_pairs_of_rays_equal_those_in_random_slices():
 
 
 def test_the_variance_of_the_seen_share_is_that_of_drawn_windows():
-    """The variance agrees with that of windows below one slice of random cells, with converging
-    rays.
+    """The variance agrees with the variance of random windows below one slice of random cells, for
+    converging rays.
     """
     layer, altitude, target = Layer(9.99, 10.01, 0.6, 0.3), 40.0, PERSON
     pattern, baseline = Pattern(2, 3), 1.1
@@ -140,8 +142,8 @@ def test_single_slice_seen_share():
 def test_detection_agrees_with_the_values_of_the_design_document(
     layers, samples, found, clutter, level
 ):
-    """Section 4.8: without the box mean, the share found at three contrasts is within 0.018 of the
-    design's values.
+    """Section 4.8: without the box mean, the share of targets that are found at three contrasts is
+    within 0.018 of the design's values.
     """
     predicted = detection(layers, samples, 2.0, rigid=False, local=False)
     assert predicted.deviation == pytest.approx(clutter, rel=0.021)
@@ -196,8 +198,8 @@ def test_cold_and_warm_targets_have_the_same_detection():
 
 
 def test_clutter_at_crown_scale_hides_a_person():
-    """If half of the variance is common to crowns, a target that was found with high probability is
-    no longer found.
+    """If half of the variance of the clutter is at the scale of crowns, a target that was found
+    with high probability is no longer found.
     """
     own = detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.0), local=False)
     crowns = detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.5), local=False)
@@ -256,8 +258,8 @@ def test_crowns_of_a_pattern_are_summed_over_all_its_pairs(kind):
     shares = np.outer(share, share)
 
     def mean(variance, offsets, weights):
-        """The mean of the correlation over offsets.  The correlation is a Gaussian that is blurred
-        by a variance.
+        """The mean of the correlation over the offsets.  The correlation is a Gaussian that is
+        widened by a given variance.
         """
         wide = CROWN_LENGTH_M**2 + variance
         field = np.exp(-0.5 * (apart[..., None] + offsets) ** 2 / wide) @ weights
@@ -311,8 +313,8 @@ def test_the_number_of_independent_windows_increases_with_the_level():
 
 @pytest.mark.parametrize("number", [0.3, 3.0, 500.0])
 def test_an_exponential_tail_is_followed_beyond_the_highest_peaks(number):
-    """If 20,000 peaks above 2 have an exponential distribution with the scale 0.1, n of them exceed
-    2 + 0.1 ln(20,000/n).
+    """If the heights of 20,000 peaks above 2 are exponentially distributed with the scale 0.1, n
+    peaks are expected to exceed 2 + 0.1 ln(20,000/n).
     """
     rng = np.random.default_rng(6)
     drawn = [
@@ -330,14 +332,17 @@ def test_an_exponential_tail_is_followed_beyond_the_highest_peaks(number):
 
 @pytest.mark.parametrize("slice_m", [None, 0.8])
 def test_seen_shares_counted_in_voxels_equal_the_measured_model(slice_m):
-    """Counted detection equals the measured model, for cubes and for plates in thicker slices."""
+    """The visible shares that are counted for detection agree with the measured model, for cubes
+    and for plates in thicker slices.
+    """
     volume = clumped_forest(generator(3), 0.7, 0.4, 2.0, 8.0, (24.0, 24.0))
     volume = replace(volume, slice_m=slice_m)
     sites = 1.5 * np.array(list(Pattern(3, 3).offsets()))
     found = count_detection(volume, sites, 40.0, PERSON, Signature(8.0, 0.0, 0.0), false_alarms=1.0)
     seen = MeasuredModel(volume, 40.0).predict_positions(sites)
     assert found.seen.mean == pytest.approx(seen.transparency, abs=0.01)
-    # Windows vary less than points. The variance of s is therefore bounded by V = 1 - E[X²].
+    # The visible share varies less among windows than among points. The variance of s is therefore
+    # bounded by V = 1 - E[X²].
     points = 1.0 - seen.expected - seen.density**2
     assert 0.3 * points < found.seen.variance < points
     assert 0.0 < found.probability < 1.0
@@ -354,7 +359,7 @@ def rimmed(side=60, rim=12):
 
 @pytest.mark.slow
 def test_only_places_whose_rays_stay_on_the_plot_are_counted():
-    """Detection counts the places that the measured model counts."""
+    """Detection is counted at the same places as in the measured model."""
     volume, look = rimmed(), Signature(1.5, 0.0, 0.0)
     sites = 4.0 * np.array(list(Pattern(3, 3).offsets()))
     common = (volume, sites, 40.0, PERSON, look)
@@ -379,7 +384,7 @@ def test_only_places_whose_rays_stay_on_the_plot_are_counted():
 
 
 def test_the_interior_of_a_map_is_that_of_the_plot():
-    """The interior is found on maps of any pitch, and on the correct side."""
+    """The interior has the correct place in maps of any cell size, and is cut at the correct sides."""
     volume = VoxelVolume(np.ones((10, 30, 40), dtype=bool), 0.5)
     inside, _ = counted_part(volume, 20.0, np.array([[0.0, 0.0], [8.0, 4.0]]), "auto")
     # Rays to the east lean by 8 x 5/20 = 2 m at the canopy top, those to the north by 1 m.
@@ -407,7 +412,9 @@ def test_in_an_empty_stand_every_target_is_found():
     ],
 )
 def test_seen_share_below_a_real_stand(samples, baseline, shares, errors, mean, deviation):
-    """Section 4.8: UAS_Clip, voxels of 0.25 m above 0.5 m, from 50 m, telecentric, periodic."""
+    """Section 4.8: the cloud UAS_Clip with voxels of 0.25 m above a height of 0.5 m, in telecentric
+    views from 50 m over the periodic plot.
+    """
     volume = read_voxels(
         (str(SHARED / "data" / "UAS_Clip.laz"),), voxel_m=0.25, ground="auto", min_height_m=0.5
     )

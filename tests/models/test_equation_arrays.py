@@ -47,7 +47,9 @@ def test_scalars_and_arrays_of_the_other_equations_give_the_same_to_1_ulp():
 
 
 def test_rows_and_columns_as_one_object_give_the_same_result_to_1_ulp():
-    """If `rows is columns`, a shorter formula is used.  It gives the same result."""
+    """If `rows` and `columns` are the same object, a shorter formula is used, which gives the same
+    result.
+    """
     _, side, _, dhat = spread(2000, seed=4)
     for one, other in (
         (visibility(0.5, side, side, dhat), visibility(0.5, side, side.copy(), dhat)),
@@ -205,7 +207,9 @@ def test_outside_the_domain_every_argument_gives_nan_and_no_warning(function, pl
 
 
 def test_squares_outside_the_domain_give_nan():
-    """The shorter formula for `rows is columns` also checks the domain."""
+    """The shorter formula, which is used if `rows` and `columns` are the same object, also checks
+    the domain.
+    """
     for side in (NAN, 0, 2.5, math.inf):
         for value in (side, np.array([side, 7.0])):
             for result in (

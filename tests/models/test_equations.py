@@ -398,7 +398,7 @@ def test_empty_and_solid_volumes_are_clear_and_opaque():
 
 
 def test_98_percent_need_50_samples():
-    """Section II and Fig. 5b: 98 % are reached by 50 samples at any density."""
+    """Section II and Fig. 5b: 50 samples reach V̂ = 98 % at any density."""
     assert required_samples("98%") == 50
     assert normalized_visibility(5, 10, 1.0) == 0.98
 
@@ -409,7 +409,7 @@ def test_the_aperture_of_50_samples_is_6_1_baselines():
 
 
 def test_a_density_of_0_95_percent_integrates_to_56_7_percent():
-    """Section III: the ratio l/o that connects D = 0.95 % and p = 56.7 %."""
+    """Section III: for l/o = 87.69, a density D = 0.95 % gives p = 56.7 %."""
     ratio = math.log1p(-0.567) / math.log1p(-0.0095)
     assert ratio == near(87.69, rel=1e-4)
     assert integrated_density(0.0095, ratio, 1.0) == near(0.567, rel=1e-14)

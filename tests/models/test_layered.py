@@ -37,7 +37,7 @@ def stacks(draw, most=4):
 
 
 def positions(pattern, baseline):
-    """Sites in metres, as the exact values of the model's numbers."""
+    """Sites in metres, as fractions that are exactly equal to the floats of the model."""
     b = Fraction(baseline)
     return [(column * b, row * b * Fraction(pattern.row_pitch)) for row, column in pattern.sites()]
 
@@ -201,7 +201,7 @@ SIXTY = [Layer(height, height, 0.012, 0.15) for height in np.linspace(0.25, 20.0
 
 
 def simulate(layers, altitude, side, baseline, *, volumes, targets, seed):
-    """Simulation of the hidden share X of side x side views.
+    """Simulate X, which is the share of side x side views in which a target is hidden.
 
     Every slice is a periodic lattice of random cells with a random phase.  For rays to random
     targets, the cells on the rays are looked up.  Returns the estimates of E[X²] and of the

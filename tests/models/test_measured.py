@@ -198,7 +198,8 @@ def test_one_slice_agrees_with_eq_2(rows, columns, dhat):
         found.append(model.predict(Pattern(rows, columns), baseline))
     expected = visibility(density, rows, columns, dhat)
     assert_expected([prediction.expected for prediction in found], expected)
-    # K is relative to p of the plot itself. A share 1/cells of the variance is in p.
+    # K is relative to p of the plot itself, and this p varies between plots. Its variation is a
+    # share 1/cells of the variance.
     shortfall = (visibility_shortfall(rows, columns, dhat) - 1.0 / cells) / (1.0 - 1.0 / cells)
     assert_expected([prediction.shortfall for prediction in found], shortfall)
 

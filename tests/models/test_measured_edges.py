@@ -1,4 +1,4 @@
-"""Targets whose rays stay on a plot: their prediction does not depend on the surroundings of the
+"""The prediction for targets whose rays stay on a plot does not depend on the surroundings of the
 plot.
 """
 
@@ -115,8 +115,8 @@ def test_interior_correlograms_do_not_depend_on_the_rim(stand):
 
 
 def test_an_interior_density_is_the_mean_over_its_targets(stand):
-    """For the widest aperture, the targets of a quarter of the plot are counted.  For the nadir
-    view, the density is the share of hidden columns.
+    """For the widest aperture, the targets in the central quarter of the plot are counted.  Their
+    density in the nadir view is their share of hidden columns.
     """
     table = correlogram(stand)
     rows, columns = stand.hidden_columns.shape

@@ -12,7 +12,7 @@ ALTITUDE_M, VOXEL_M = 20.0, 0.5
 
 
 def volume(seed=1, rows=40, columns=48):
-    """Crowns of cubes above a plot of 24 x 20 m, 2 to 8 m high."""
+    """Crowns that consist of cubes, at heights from 2 to 8 m above a plot of 24 x 20 m."""
     rng = np.random.default_rng(seed)
     occupied = np.zeros((16, rows, columns), dtype=bool)
     occupied[4:] = rng.random((12, rows, columns)) < 0.05

@@ -1,6 +1,4 @@
-"""Lines that are longer than their integral: tests of the predictions for integrals along these
-lines.
-"""
+"""Predictions for the integral images along a line that is longer than one integral image."""
 
 import math
 

@@ -50,7 +50,8 @@ def test_an_error_of_ten_ulps_would_be_found(monkeypatch):
 
 
 def test_layers_that_hide_nearly_all_keep_their_digits():
-    # For T = 10^-247, ln T is -569. A change of its last digit by one unit changes T by 256 units.
+    # For T = 10^-247, ln T is -569. A change of ln T by one unit in its last place changes T by 256
+    # units.
     walls = stress.STANDS["a wall of walls"]
     clear = math.prod((1 - Fraction(density) for _, _, density, _ in walls), start=Fraction(1))
     model = LayeredModel([Layer(*wall) for wall in walls], 50.0)

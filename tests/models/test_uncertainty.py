@@ -281,8 +281,8 @@ def test_targets_of_moved_apertures_are_at_their_places_of_the_plot():
 
 @pytest.mark.parametrize("source", ["pulses", "voxels"])
 def test_the_errors_of_a_plan_contain_its_opacity(tmp_path, source):
-    """The error follows from the difference of both bounds, or from the difference to voxels of
-    twice the size.
+    """The error follows from the difference between the two bounds, or from the difference to the
+    result with voxels of twice the size.
     """
     rng = np.random.default_rng(3)
     middle = rng.random((40, 64, 64)) < 0.02
@@ -316,7 +316,7 @@ def test_the_errors_of_a_plan_contain_its_opacity(tmp_path, source):
 
 
 def test_half_the_voxel_size_is_extrapolated_from_two_sizes():
-    """The extrapolation agrees with smaller voxels of the same points."""
+    """The extrapolation agrees with the result with smaller voxels of the same points."""
     rng = np.random.default_rng(4)
     centres = rng.uniform((0.0, 0.0, 6.0), (12.8, 12.8, 10.0), (14, 3))
     points = centres[rng.integers(0, 14, 12_000)] + rng.normal(0.0, 0.7, (12_000, 3))
@@ -337,13 +337,15 @@ def test_half_the_voxel_size_is_extrapolated_from_two_sizes():
     assert guess.expected == pytest.approx(fine.expected, abs=0.04)
     part = of_voxel_size(middle, coarse)
     for name in ("density", "expected"):
-        # The size changes by one octave, which is two standard errors.
+        # One octave of the voxel size counts as two standard errors.
         assert abs(getattr(middle, name) - getattr(fine, name)) < 2.3 * getattr(part, name)
         assert abs(getattr(middle, name) - getattr(coarse, name)) < 2.3 * getattr(part, name)
 
 
 def test_a_dense_stand_may_be_more_open_with_smaller_voxels():
-    """If larger voxels hide everything, the error is the difference from smaller voxels."""
+    """If larger voxels hide everything, the error is half the difference to the extrapolated result
+    with smaller voxels.
+    """
     middle, coarse = Prediction(0.99, 0.01, 0.1), Prediction(1.0, 0.0, 0.1)
     # Without a measured exponent, the optical depth is proportional to the size.
     part = of_voxel_size(middle, coarse)

@@ -1,4 +1,4 @@
-"""Orders of blocks against brute force over all orders, and against a plain integration."""
+"""Orders of blocks, compared with brute force over all orders and with a plain integration."""
 
 import itertools
 import math
@@ -9,10 +9,12 @@ import pytest
 from aosplan.planning.block_order import LEVELS, BlockOrder, Blocks, Places, Ways
 
 OPTIMUM = 0.01
-"""Largest relative difference between the found and the smallest mean time."""
+"""Largest accepted relative difference between the mean time that is found and the smallest one."""
 
 SHORT = 0.04
-"""Largest relative difference between the found and the largest success within a time."""
+"""Largest accepted relative difference between the probability of success within a given time that
+is found and the largest one.
+"""
 
 
 def leg_s(start, stop):

@@ -1,4 +1,6 @@
-"""Lines over an area in the order of the gain of the probability of success per minute."""
+"""Lines over an area are flown in the order of their gain, which is the increase of the probability
+of success per minute.
+"""
 
 from functools import cache
 

@@ -415,7 +415,7 @@ def test_grid_lanes_in_a_file_can_be_overridden_by_another_grid():
 def test_help_shows_the_defaults_that_a_request_takes():
     shown = {option.name: option.help for option in OPTIONS}
     for name, value in DEFAULTS.items():
-        if name != "altitude_frame":  # the first of the allowed values of the option
+        if name != "altitude_frame":  # The default is the first allowed value.
             text = value if isinstance(value, str) else f"{value:g}"
             assert re.search(rf"\[{text}[],;]", shown[name]), name
     assert shown["voxel"].endswith(f"[{DEFAULT_VOXEL_M:g}]")

@@ -1,4 +1,4 @@
-"""Changes of the scene, compared with plans of the changed scenes."""
+"""The stated effects of changes of the scene, compared with plans for the changed scenes."""
 
 import numpy as np
 import pytest
@@ -24,8 +24,8 @@ def changes(**options):
 
 
 def check(change, planned, changed):
-    """Compare a change with the planned grid in the changed scene, and with a plan for the changed
-    scene.
+    """Compare the stated effect of a change with the planned grid in the changed scene, and with a
+    new plan for this scene.
     """
     grid = planned.solution
     fixed = {"baseline": grid.baseline_m, "samples": grid.pattern.samples}

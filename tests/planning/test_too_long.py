@@ -1,4 +1,4 @@
-"""A line that is too long for a battery: the hint has values of options with which it is short
+"""If a line is too long for a battery, the hint has values of options that make the line short
 enough.
 """
 

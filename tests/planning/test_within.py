@@ -1,4 +1,4 @@
-"""Tests of the options that are chosen so that a flight fits into a time."""
+"""The options that ``--within`` chooses so that a flight fits into a given time."""
 
 import itertools
 from dataclasses import replace
@@ -65,7 +65,7 @@ def test_every_photo_of_the_window_sees_a_place_of_the_area(over_field):
 
 @pytest.mark.parametrize("trigger", ["stop", pytest.param("distance", marks=pytest.mark.slow)])
 def test_no_grid_of_the_same_options_is_better_at_one_place(trigger):
-    """The plan is compared with all lanes that fit into the time, for all rows, columns and
+    """The plan is compared with those lanes that fit into the time, for several rows, columns and
     spacings.
     """
     best = searched(within=0.7, trigger=trigger)

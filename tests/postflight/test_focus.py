@@ -69,8 +69,8 @@ def test_agreement_is_the_mean_correlation_of_all_halves():
         one, other = views[order[:6]].mean(axis=0), views[order[6:]].mean(axis=0)
         halves.append((one * other).mean() / np.sqrt((one**2).mean() * (other**2).mean()))
     error = np.std(halves) / np.sqrt(len(halves))
-    # The tested formula is a ratio of means, and the comparison is a mean of ratios. They differ
-    # much less than the results of different halves.
+    # The tested formula is a ratio of means, and the comparison is a mean of ratios. These two
+    # means differ much less than the results of different halves.
     assert agreement(sums).value == pytest.approx(np.mean(halves), abs=4 * error + 2e-3)
 
 
@@ -91,8 +91,8 @@ def test_detail_has_the_same_contrast_in_dull_and_in_bright_parts(folder):
 
 
 def curve_with(low, dip, high, deviation):
-    """Agreement at nine heights, with peaks at 2 and 6.  The jackknife gives the dip between them a
-    standard deviation.
+    """Agreement at nine heights, with peaks at the indices 2 and 6.  For the dip between the peaks,
+    the jackknife gives the standard deviation `deviation`.
     """
     values = [0.2, 0.4, low, 0.5 * (low + dip), dip, 0.5 * (dip + high), high, 0.4, 0.2]
     off = np.resize([1.0, -1.0], 16) * deviation / np.sqrt(15.0)

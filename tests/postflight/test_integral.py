@@ -226,7 +226,8 @@ def test_a_jpeg_may_be_decoded_smaller_for_a_coarse_raster(tmp_path, monkeypatch
     assert blocks == [4, 1]
     both = (small.coverage > 0) & (full.coverage > 0)
     assert both.mean() > 0.8
-    assert (small.coverage != full.coverage).mean() < 0.03  # At two edges, up to 3 pixels remain.
+    # At two edges, up to 3 pixels do not fill a block.
+    assert (small.coverage != full.coverage).mean() < 0.03
     # Blocks of 4 and of 5 pixels are means of different pixels. With noise of 12, they differ by
     # about 12 sqrt(1 / 16 + 1 / 25) before interpolation. The picture itself is not shifted.
     off = (small.values - full.values)[both].mean(axis=-1)

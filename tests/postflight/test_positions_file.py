@@ -240,7 +240,7 @@ def test_unknown_commands_with_a_place_are_named(tmp_path):
     path.write_text(waypoints([(16, 3), (999, 3)]))
     with pytest.raises(RequestError, match="line 4: command 999 is unknown"):
         read_places(str(path))
-    # These are take-off, region of interest, and landing.
+    # The commands 22, 201 and 21 are take-off, region of interest, and landing.
     path.write_text(waypoints([(22, 3), (201, 3), (16, 3), (21, 3)]))
     assert len(read_places(str(path))) == 1
 

@@ -54,8 +54,8 @@ def test_an_interrupted_flight_is_matched_to_the_first_sites(kind):
 
 
 def test_of_whole_lines_all_shifts_are_compared_with_enumeration():
-    """Enumeration compares all shifts that move a site to a photo, by the number of sites that they
-    match.
+    """Enumeration tries all shifts that move a site to a photo, and counts the photos that each
+    shift matches with a site.
     """
     source = np.random.default_rng(5)
     for _ in range(30):

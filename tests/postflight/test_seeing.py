@@ -162,7 +162,7 @@ def test_an_uneven_veil_is_removed():
 
 
 def warm(folder, spot=(1.5, -2.0)):
-    """Photos of uniform ground with noise, and one warm square of half a metre."""
+    """Photos of uniform ground with noise and with one warm square, which is 0.6 m wide."""
     rng = np.random.default_rng(2)
     (folder / "photos").mkdir()
 

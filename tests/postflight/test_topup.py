@@ -1,4 +1,4 @@
-"""The flight that takes missing photos, within a time."""
+"""The flight that takes missing photos within a given time."""
 
 import json
 import math
@@ -54,7 +54,7 @@ def test_a_top_up_within_a_time_lands_within_it_and_closes_part_of_the_gaps(flow
 
 
 def test_the_photos_with_the_largest_gain_are_taken(flown):
-    """Only a few sites in the middle of the path have a gain.  These sites are in the flight."""
+    """If only a few sites in the middle of the path have a gain, the flight contains these sites."""
     _, planned, _ = flown
     sites = list(range(len(planned.waypoints) - 40, len(planned.waypoints)))
     gains = np.zeros(40)

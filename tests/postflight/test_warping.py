@@ -85,7 +85,7 @@ def test_on_a_relief():
 
 @pytest.mark.parametrize("tile_px", [31, 1024])
 def test_blocks_are_means(monkeypatch, tile_px):
-    # Each pixel of the raster is 4 x 4 pixels of the image, and the raster has its own edges.
+    # Each pixel of the raster covers 4 x 4 pixels of the image, and the raster has its own edges.
     monkeypatch.setattr(warping, "TILE_PX", tile_px)
     lens = Intrinsics(WIDTH, HEIGHT, 400.0, 400.0, WIDTH / 2, HEIGHT / 2)
     view, raster = tilted(0.0, 0.0), Raster.over((3 - 32, -2 - 25.6, 3 + 32, -2 + 25.6), 0.4)

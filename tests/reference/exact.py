@@ -199,7 +199,7 @@ def enumerated_volume(
 def _blocked_by(
     density: Fraction, dhat: Fraction, sites: Sequence[tuple[int, int]]
 ) -> dict[int, Fraction]:
-    """Probability of every set of views that one slice blocks."""
+    """For every set of views, the probability that one slice blocks exactly these views."""
     result: Counter[int] = Counter()
     rows = _phases(dhat, {row for row, _ in sites})
     columns = _phases(dhat, {column for _, column in sites})

@@ -33,7 +33,9 @@ HARD_TRANSPARENCIES = (
     ("0x1.02ea3538a413ap-3", "0x1.005418d2a66d9p+15", "0x1.ed4e4e6b86c1ap+2"),
     ("0x1.9aee8ade7eb06p-2", "0x1.0a69c4c34664ep+4", "0x1.0839856406cfep-5"),
 )
-"""D, l, o for which a product of rounded factors loses most digits of T."""
+"""Values of D, l and o for which T loses most digits if its exponent is a product of rounded
+factors.
+"""
 
 
 def tables() -> dict[str, str]:

@@ -241,8 +241,8 @@ def uniform() -> Iterator[Check]:
 
 
 def _pattern_shortfall(pattern: AnyPattern, dhat: Fraction) -> Fraction:
-    """K of a pattern.  For a whole rectangle, it is computed along both axes; for other patterns,
-    pair by pair.
+    """K of a pattern.  For a whole rectangle, K is the product over both axes; for other patterns,
+    it is a sum over pairs.
     """
     if not isinstance(pattern, Pattern):
         return exact.pair_sum(pattern.offsets(), 1 / dhat)
@@ -427,7 +427,7 @@ def sparse_volume(*, inverted: bool = False) -> VoxelVolume:
 
 
 def counted(masks: np.ndarray) -> tuple[Fraction, Fraction]:
-    """p̄ and K of views, computed from the whole number of views that hide each target.  `masks`
+    """p̄ and K of views, computed exactly from the number of views that hide each target.  `masks`
     has one row for each view.
     """
     views, targets = masks.shape

@@ -20,8 +20,8 @@ PLACE = Affine(0.5, 0.0, 400_000.0, 0.0, -0.5, 5_000_020.0)
 
 @pytest.fixture
 def raster(tmp_path):
-    """A function that writes heights as a raster.  The heights have the shape (rows, columns),
-    beginning in the north, or are several bands.
+    """A function that writes heights as a raster.  The heights are one band of shape (rows,
+    columns), whose first row is in the north, or several such bands.
     """
 
     def write(heights, *, transform=PLACE, crs=UTM, unit=None, name="canopy.tif", **given):

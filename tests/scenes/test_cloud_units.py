@@ -1,6 +1,4 @@
-"""The same stand in all units, reference systems, records and tiles of LAS files gives the same
-voxels.
-"""
+"""A stand gives the same voxels with all units, reference systems, records and tiles of LAS files."""
 
 import os
 import re
@@ -148,7 +146,7 @@ def test_a_missing_vertical_unit_is_that_of_x_and_y_with_a_warning_for_feet(tmp_
 )
 def test_the_vertical_system_s_own_code_gives_the_unit_of_z(tmp_path, vertical, up):
     """EPSG 5703 is NAVD88 in metres, 6360 is NAVD88 in US survey feet, and 8228 is NAVD88 in feet.
-    5103 is only the datum.
+    EPSG 5103 is only the vertical datum, without a unit.
     """
     xyz, kind = stand(count=6000)
     foot = UNITS["us-ft"][0]

@@ -151,7 +151,7 @@ def test_low_vegetation_determines_the_coverage_rule_on_a_real_plot(cut, baselin
 
 
 def crowns(side, count, radius, seed=0):
-    """Random discs on a periodic mask, in which half of the cells are leafy."""
+    """A periodic mask of random discs, in which half of the cells are leafy."""
     rng = np.random.default_rng(seed)
     mask = np.zeros((side, side), dtype=bool)
     disc = np.hypot(*np.mgrid[-radius : radius + 1, -radius : radius + 1]) <= radius

@@ -262,7 +262,8 @@ def test_a_focal_plane_within_a_slice_keeps_its_upper_part():
     occupied = np.random.default_rng(3).random((4, 6, 11)) < 0.2
     volume = VoxelVolume(occupied, 1.0)
     targets = targets_of(volume, 2)
-    # Shifts are half a target per slice.  With half a slice left, they are 0 at 0 m and 1 at 0.5 m.
+    # Shifts are half a target per slice.  As half a slice is above the focal plane, the shifts are
+    # 0 at 0 m and 1 target at 0.5 m above this plane.
     offset = (10.0, 0.0)
     got = hidden(volume, 10.0, offset, targets_per_voxel=2, focal_height_m=1.5)
     want = walked(volume, 10.0, (10.0 - 1e-9, 0.0), targets, "telecentric", 1.5)
@@ -350,7 +351,9 @@ def test_without_views_there_are_no_masks(scrub):
 
 @pytest.fixture(scope="module")
 def counted(scrub):
-    """Masks of some views, and the same as arrays of shape (N, targets)."""
+    """Masks of some views, the same masks as an array of shape (N, targets), and the number of
+    targets.
+    """
     offsets = np.random.default_rng(7).uniform(-6.0, 6.0, (37, 2))
     occlusion = Occlusion(scrub, 20.0)
     masks = occlusion.masks(offsets)

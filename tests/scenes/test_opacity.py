@@ -1,5 +1,5 @@
-"""Opacity from pulses, compared with rays through known leaves and with pulses that were not
-used.
+"""Opacity from pulses, compared with rays through known leaves and with pulses that were not used
+for the fit.
 """
 
 import json
@@ -250,8 +250,9 @@ def _real_beams():
 def test_density_and_visibility_of_the_real_cloud_hardly_depend_on_voxel_size():
     """p̄ and V hardly depend on the size of voxels.
 
-    Two prototypes without factors and contrast of columns had p 0.62 to 0.63 at nadir, p̄ 0.65, V 0.52
-    and V̂ 0.76; with them, the likelihood of held-out pulses is higher.
+    Two prototypes without the factors and the contrast of columns gave p = 0.62 to 0.63 at nadir,
+    p̄ = 0.65, V = 0.52 and V̂ = 0.76.  With the factors and the contrast, the likelihood of
+    held-out pulses is higher.
     """
     found = []
     for voxel_m in (0.15, 0.5):

@@ -418,8 +418,9 @@ def test_a_classified_plot_has_the_density_of_two_other_implementations():
 
 @pytest.mark.parametrize(("count", "expected"), [(20_000, (10, 12)), (160, (11, 13))])
 def test_a_last_row_of_cells_counts_only_if_the_points_fill_it(tmp_path, count, expected):
-    """The plot is 12.3 m x 10.4 m large, with voxels of 1 m.  Dense points show that it ends before
-    the edge of the last cells.  Sparse points may end there by chance.
+    """The plot is 12.3 m x 10.4 m large, with voxels of 1 m.  If points are dense, they show that
+    the plot ends before the edge of its last cells.  If they are sparse, the gap at this edge may
+    be there by chance.
     """
     rng = np.random.default_rng(5)
     xyz = rng.random((3, count)) * [[12.3], [10.4], [9.0]]

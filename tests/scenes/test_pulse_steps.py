@@ -218,8 +218,8 @@ def test_one_level_of_shrinkage_equals_a_calculation_by_hand():
 
 
 def test_gaps_from_the_ground_to_the_top_stay_open():
-    """Some columns have no interception. They are beside columns of crowns, and each column has few
-    pulses.
+    """Columns without interception stay open, although they are beside columns of crowns, and
+    although each column has few pulses.
     """
     rng = np.random.default_rng(2)
     crown = np.kron(rng.random((8, 8)) < 0.5, np.ones((4, 4)))
@@ -299,7 +299,7 @@ def test_wrongly_grouped_pulses_do_not_change_the_sensor_track():
 
 @pytest.mark.parametrize("contrast", [1.07, 1.25])
 def test_the_contrast_is_found_from_pulses_that_were_not_used(contrast):
-    """The true optical depths are a power of the predicted ones, which have a wrong scale as well."""
+    """The true optical depths are a power of the predicted ones, whose scale is wrong as well."""
     rng = np.random.default_rng(8)
     plain = rng.gamma(0.5, 2.0, 40_000)
     passed = (rng.standard_exponential(plain.size) > 0.8 * plain**contrast).astype(np.float64)

@@ -1,5 +1,5 @@
-"""A sample of the targets of a large plot gives the same result for each of its targets, and is
-representative.
+"""Each target in a sample has the same result as without sampling, and the sample is representative
+of all targets of a large plot.
 """
 
 import itertools

@@ -1,4 +1,4 @@
-"""Figures: accessible colours, reproducible files, and the command."""
+"""Figures have accessible colours and reproducible files, and the command `figure` writes them."""
 
 import itertools
 import json

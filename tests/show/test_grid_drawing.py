@@ -36,7 +36,7 @@ def parts_of(picture):
 
 
 def dots_of(lines):
-    """Number of dots, without those below the marked characters."""
+    """Number of the dots that are not hidden by the characters of marks."""
     return sum((ord(c) - 0x2800).bit_count() for line in lines for c in line if c >= "\u2800")
 
 

@@ -66,7 +66,8 @@ def test_the_wheel_zooms_about_the_pointer(pages, opened):
         before, place = scale(page), pixel(page, 12)
         pointer = [int(place[0]) - 9, int(place[1]) - 6]
         settled(page)
-        # The wheel would scroll the page if the page had just been scrolled.
+        # If the page has just been scrolled, the wheel scrolls the page further, and does not
+        # change the scale of the map.
         page.evaluate("scrolled = -Infinity")
         page.mouse.move(*pointer)
         page.mouse.wheel(0, -240)

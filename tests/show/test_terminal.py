@@ -48,7 +48,7 @@ class Stream(io.StringIO):
         ({}, True, False),
         ({"NO_COLOR": "1"}, False, False),
         ({"NO_COLOR": "0"}, False, False),  # the variable may have any value
-        ({"NO_COLOR": ""}, True, False),  # but not if the variable is empty
+        ({"NO_COLOR": ""}, True, False),  # but an empty one has no effect
         ({"FORCE_COLOR": "1"}, True, True),
         ({"FORCE_COLOR": ""}, True, False),
         ({"CLICOLOR": "0"}, False, False),

@@ -84,7 +84,7 @@ def test_simulated_leaves_agree_with_the_prediction_by_ray_length(flight, forest
     assert of_leaves.agree, of_leaves.differences
     assert of_leaves.predicted.density < of_cubes.predicted.density
     assert (of_leaves.occluders, of_leaves.document()["occluders"]) == ("leaves", "leaves")
-    # Predictions for the other kind of occluders would be caught.
+    # The comparison finds predictions for the other kind of occluders.
     assert not of_leaves._replace(predicted=of_cubes.predicted).agree
 
 

@@ -53,8 +53,8 @@ def test_nothing_or_everything_hidden_has_no_normalised_visibility(blocked):
 def beta_samples(rng, number, views, targets):
     """Samples with different densities, for which K over all samples is known exactly.
 
-    Each sample has its own share P, with mean 0.3 and variance 0.01.  Its targets are blocked
-    independently in each view.  E[X²] = E[P²] + E[P(1 - P)]/N.
+    Each sample has its own hidden share P, with mean 0.3 and variance 0.01.  Its targets are
+    blocked independently in each view.  E[X²] = E[P²] + E[P(1 - P)]/N.
     """
     p, variance = 0.3, 0.01
     common = p * (1 - p) / variance - 1

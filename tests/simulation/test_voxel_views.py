@@ -92,8 +92,8 @@ def simulated(make, altitude_m, positions, view, samples, size_m):
 
 
 def slanted_density(transparency, altitude_m, positions):
-    """Share of the targets that cubes hide from cameras.  It is 1 - T to the power 1 + |tan x| +
-    |tan y|.
+    """Mean over cameras of the share of targets that cubes hide, which is 1 - T^(1 + |tan x| + |tan
+    y|).
     """
     return (1 - transparency ** (1 + np.abs(positions).sum(axis=1) / altitude_m)).mean()
 
@@ -125,7 +125,8 @@ def test_independent_slices_have_the_covariances_that_design_gives_them(view, ba
         lambda rng: layered_forest(rng, layers, (24.0, 24.0)),
         *(60.0, positions, view, 60, (12.0, 12.0)),
     )
-    # K from products over slices, for each pair of views (section 4.1 of the derivation).
+    # K is computed from a product over slices for each pair of views (section 4.1 of the
+    # derivation).
     apart = np.abs(positions[:, None] - positions[None])
     both, clear = 1.0, 1.0
     for layer in layers:

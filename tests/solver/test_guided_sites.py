@@ -35,7 +35,7 @@ def test_chosen_sites_are_nearly_the_best_of_all(count):
         losses.append(best_of_all(joint, count) - visibility(joint, chosen))
     assert min(losses) >= -1e-12
     # The exchange of single sites does not always find the optimum. In one of these scenes, the
-    # result is 0.0125 below it. At least 36 of the 40 results are the best sets.
+    # visibility is 0.0125 below the optimum. At least 36 of the 40 results are optimal.
     assert max(losses) <= 0.0126
     assert sum(loss < 1e-12 for loss in losses) >= 36
 

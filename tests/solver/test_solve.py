@@ -68,7 +68,7 @@ def test_the_best_grid_is_the_best_of_all_kinds_by_themselves(model, objective):
 def test_a_grid_without_common_ground_is_chosen_only_if_there_is_no_other():
     problem = Problem(PAPER, vhat("0.98"))
     problems = [problem._replace(grid=grid) for grid in kinds("best")]
-    # It has the same number of samples, but a shorter flight.
+    # The line has the same number of samples, but a shorter flight.
     assert solve_best(problems).problem.grid.name == "line"
     grounded = solve_best(problems, footprint_m=(30.0, 30.0))
     assert grounded.problem.grid.name == "trimmed"

@@ -32,8 +32,8 @@ def vhat(text):
 
 
 class Scanned:
-    """A model whose visibility increases with the baseline, but which does not say so.  The scan is
-    therefore used.
+    """A model whose visibility increases with the baseline, but that does not declare this
+    property.  The scan is therefore used.
     """
 
     heading_deg = None

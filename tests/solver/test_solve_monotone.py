@@ -45,7 +45,8 @@ samples.
 def smallest_baseline(problem, pattern):
     """The smallest baseline that meets the target, found by 45 bisections without the tolerance.
 
-    It is the widest baseline if only this one meets the target, and None if no baseline does.
+    It is the widest baseline if this one meets the target only within the tolerance, and None if no
+    baseline meets the target.
     """
     low, high = 0.0, widest(problem, pattern)
     if not reaches(problem, pattern, high):
@@ -243,7 +244,9 @@ def test_with_both_fixed_the_plan_is_only_evaluated(objective):
 
 
 def test_with_both_fixed_an_unreachable_visibility_is_missed_and_not_refused():
-    """Infinitely many samples would reach 0.6785.  The plan is still computed."""
+    """Even infinitely many samples would only reach V = 0.6785.  A plan for a larger V is still
+    computed.
+    """
     for baseline in (3.5, 1.0):
         problem = Problem(PAPER, visible("0.9"), bounds=Bounds(baseline_m=baseline, samples=49))
         found = solve(problem)
@@ -257,8 +260,8 @@ def test_with_both_fixed_an_unreachable_visibility_is_missed_and_not_refused():
 @pytest.mark.parametrize("quantity", ["normalized", "visibility"])
 @pytest.mark.parametrize("grid", KINDS)
 def test_samples_required_are_the_fewest_that_do_at_the_baseline_of_the_answer(grid, quantity):
-    """For lines, lanes and spirals, they are compared with patterns of the same kind, and otherwise
-    with all numbers of samples.
+    """The required samples are compared with patterns of the same kind for lines, lanes and
+    spirals, and with all numbers of samples for other grids.
     """
     solved = 0
     for problem in problems(6, 30, grid=grid, objective="samples", quantity=quantity):
@@ -315,7 +318,9 @@ def test_a_shortfall_too_large_by_half_the_tolerance_passes_and_by_twice_does_no
 
 
 def test_a_visibility_met_exactly_by_a_sample_count_gets_that_count():
-    """V = T (1 + p (1 - 1/N)) as a decimal is met exactly, although p and V are rounded."""
+    """The target V = T (1 + p (1 - 1/N)), written as a decimal, is met exactly, although p and V
+    are rounded.
+    """
     for p, target, samples in (
         ("0.4", "0.8", 6),
         ("0.5", "0.625", 2),

@@ -151,7 +151,7 @@ def test_the_samples_that_a_refusal_asks_for_are_enough(grid, objective):
 @pytest.mark.parametrize("grid", ["rectangle", "square", "lanes"])
 @pytest.mark.parametrize("objective", OBJECTIVES)
 def test_too_few_samples_for_whole_rows_are_refused_like_any_other(grid, objective):
-    """50 samples would be sufficient, but such a grid has 51, 56 or 64 samples."""
+    """50 samples would be sufficient, but grids of these kinds need 51, 56 or 64 samples."""
     error = refused(Problem(PAPER, vhat("0.98"), GridKind(grid), Bounds(max_samples=50), objective))
     assert "the best grid reaches V̂ = 0.9" in error.message
     assert error.hint

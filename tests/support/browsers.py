@@ -9,7 +9,7 @@ DESK = {"viewport": {"width": 1200, "height": 900}}
 def serious_faults(page, *, only=(), without=()):
     """Rules of axe-core that a page violates seriously, each with the elements concerned.
 
-    `only` are the rules to test, if not all, and `without` are rules to leave out.
+    `only` are the rules to test (by default, all rules), and `without` are rules to leave out.
     """
     axe = pytest.importorskip("axe_playwright_python.sync_playwright")
     # Without a preload, because a page from a file may not read its style sheets a second time.

@@ -58,8 +58,8 @@ def check_refusal(status, out, err, expected=2):
 
 
 def on_a_terminal(*arguments, program=("-m", "aosplan"), typed=None, **environment):
-    """Output of a process to a terminal.  If keys are `typed` after its first output, its exit
-    status is also returned.
+    """Output that a process writes to a terminal.  If keys are `typed` after its first output, its
+    exit status is also returned.
     """
     parent, child = pty.openpty()
     kept = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 OUR_LINES = re.compile(r"(error|hint|warning|note): \S|Wrote \S|[a-z0-9 ]+: \S")
-"""Lines of stderr that commands of aosplan write themselves."""
+"""Lines on stderr that aosplan itself writes, and no library."""
 
 
 class Seed(NamedTuple):
@@ -202,8 +202,8 @@ def seeds(folder):
 
 
 def parquet():
-    """A table of scenarios.  It is written in another process, because the threads of polars do not
-    survive a fork.
+    """A table of scenarios.  The table is written in another process, because the threads of polars
+    do not survive a fork.
     """
     code = (
         "import sys, polars\n"

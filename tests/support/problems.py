@@ -59,7 +59,9 @@ def widest(problem, pattern):
 
 
 def enumerate_samples(problem, most):
-    """Samples of the first pattern that reaches the target at its largest useful baseline."""
+    """Number of samples of the first pattern that reaches the target at its largest useful
+    baseline.
+    """
     return next(
         (
             pattern.samples

@@ -309,7 +309,7 @@ def duration_s(points, *, acceleration, climb):
     return total + sum(point.hold for point in points)
 
 
-# The next lists have items that autopilots accept. Sources for PX4:
+# The following lists contain the commands that the autopilots accept. Sources for PX4:
 # MavlinkMissionManager::parse_mavlink_mission_item and FeasibilityChecker.  Sources for ArduPilot:
 # AP_Mission::mavlink_int_to_mission_cmd and ArduCopter's mode_auto.
 
@@ -329,7 +329,7 @@ def check_px4(items, home):
         assert command in (PX4_PLAIN if frame == 2 else PX4_PLACED)
         if command == 22:
             assert not placed  # The take-off has to be the first item with a position.
-            assert params[6] - 1.0 >= 2.0  # It has to be at least one metre more than NAV_ACC_RAD.
+            assert params[6] - 1.0 >= 2.0  # Its height is at least 1 m more than NAV_ACC_RAD.
         placed |= frame != 2
         if frame != 2:
             assert -90.0 <= params[4] <= 90.0

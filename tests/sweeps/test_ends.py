@@ -251,8 +251,8 @@ def children_of(pid):
 
 
 def is_running(pid):
-    """Whether a process exists and has not ended.  A process that has ended exists until its parent
-    asks for its status.
+    """Whether a process is still running.  After its end, a process continues to exist until its
+    parent asks for its status.
     """
     try:
         with open(f"/proc/{pid}/stat", encoding="ascii") as values:

@@ -1,5 +1,5 @@
-"""Scenarios that are solved as columns, and rows with shared models, have the same numbers and
-messages as `plan`.
+"""Scenarios that are solved together as arrays, and scenarios that are solved row by row with
+shared models, have the same numbers and messages as `plan`.
 """
 
 import math

@@ -42,7 +42,7 @@ def sample(scenarios, rows, seed):
 
 
 def draw(scenarios, rows, seed):
-    """Draw from all rows with a plan."""
+    """Draw from all rows that have a plan."""
     drawing = drawing_of(scenarios, rows, seed)
     found = v.RowSample()
     for index in range(scenarios.blocks):
@@ -128,7 +128,7 @@ def test_the_worst_of_many_is_as_large_as_expected():
     for chance in (0.5, v.LEVEL):
         share = (worst > v.worst_expected(60, chance)).mean()
         assert abs(share - chance) < 4.0 * math.sqrt(chance * (1.0 - chance) / 20_000)
-    # The function for the probability of the largest deviate is the inverse.
+    # `chance_of_worst`, the probability of the largest deviate, is the inverse function.
     single = 2.0 * stats.norm.sf(v.worst_expected(60, 0.01))
     assert v.chance_of_worst(single, 60) == pytest.approx(0.01, rel=1e-9)
     assert v.chance_of_worst(1e-300, 60) == pytest.approx(6e-299)
@@ -143,7 +143,7 @@ def check(seed, request, **settings):
 
 @pytest.fixture(scope="module")
 def noise_checks():
-    """Simulations that differ only by chance."""
+    """Simulations of the same request that differ only in their seeds."""
     request = {"altitude": 60.0, "vhat": 0.8}
     return tuple(check(seed, request, forest="noise", precision=0.03) for seed in range(40))
 
@@ -319,7 +319,7 @@ def test_without_a_plan_nothing_is_simulated(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_without_common_ground_each_target_has_its_own_aperture():
-    # If samples are so far apart, 25 samples do not have any ground in common.
+    # No ground is in the photos of all 25 samples if these are 9 m apart.
     values = {
         "altitude": column_of([40.0]),
         "samples": column_of([25]),
