@@ -80,7 +80,7 @@ def _interrupt_soon(thread: int) -> None:
 
 
 def _end(_number: int, _frame: object) -> None:
-    """Exit on SIGTERM through an exception. Temporary files are then removed."""
+    """Exit on SIGTERM through an exception, so that temporary files are removed."""
     sys.exit(143)
 
 

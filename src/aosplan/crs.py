@@ -130,7 +130,7 @@ def given_units(text: str) -> Units:
 
 
 def units_of(crs: CRS, what: str) -> Units:
-    """Units of x and y and of z that a coordinate reference system states.
+    """The unit of x and y and the unit of z, as a coordinate reference system states them.
 
     Parameters
     ----------

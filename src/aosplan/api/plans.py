@@ -116,8 +116,8 @@ class Plan(Summarized, result.Plan):
         return plotted(chosen, shown_of_plan(chosen, self), ax)
 
     def reciprocal_map(self) -> ReciprocalMap:
-        """Compute how much of the target area each camera position at the altitude of the plan
-        sees.
+        """Compute the share of the target area that is seen from each camera position at flight
+        altitude.
 
         The target area is the area of the plan, or the disc around its origin whose radius is
         `around_radius`.
@@ -197,8 +197,8 @@ class _Rows(NamedTuple):
 
 
 class Tradeoff(Summarized, _Rows):
-    """Cost and benefit of each number of photos, in one row. `chosen` is true in the row of the
-    plan.
+    """A table with one row for each number of photos: its cost and its benefit. `chosen` is true in
+    the row of the plan.
 
     Attributes
     ----------

@@ -46,7 +46,7 @@ def found_request(
         result of `aosplan.read_scene`.
 
     folder
-        Folder in which files that the request and the options name are looked for first. The
+        Files that the request and the options refer to are looked for in this folder first. The
         default is the folder of the request file or of the earlier plan.
 
     Raises

@@ -11,7 +11,7 @@
 - `aosplan.areas.around_points`: areas around points.
 - `aosplan.areas.crossings`: counts the crossings of boundaries.
 - `aosplan.areas.extent`: size of an area along a heading, and lower bounds of the number of sites
-  over it.
+  that cover the area.
 - `aosplan.areas.nearest`: search for nearest points.
 - `aosplan.areas.reprojection`: boundaries in other coordinate reference systems.
 - `aosplan.areas.vector_file`: boundaries in GeoPackage, shapefile, GPX, FlatGeobuf and MapInfo

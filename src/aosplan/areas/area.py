@@ -2,10 +2,10 @@
 
 The local frame is an azimuthal equidistant projection around the centre of the area
 (`aosplan.geodesy`).  At the distance r from the centre, lengths between neighbouring points have a
-relative error of at most r²/(6 R²), where R is the radius of the earth.  This is 1.6e-6 at r =
-`FARTHEST_M`.  The edges of a boundary are straight in longitude and latitude, along the short way
-around the earth.  In metres they are curved.  Long edges are therefore divided until the error is
-at most `BEND_M`.
+relative error of at most r²/(6 R²), where R is the radius of the earth.  This is 1.6e-6 at the
+distance `FARTHEST_M`.  The edges of a boundary are straight in longitude and latitude, along the
+short way around the earth.  In metres they are curved.  Long edges are therefore divided until the
+error is at most `BEND_M`.
 """
 
 from __future__ import annotations

@@ -237,8 +237,8 @@ def site_counts(sites: Whole, placements: Whole, window: RequiredGrid, stride: i
 
 
 def image_cells(footprint_m: tuple[float, float], pitch_m: tuple[float, float]) -> tuple[int, int]:
-    """Numbers of columns and of rows of cells that the image of a site contains. Both numbers are
-    odd.
+    """Number of columns and number of rows of the cells that the image of a site contains. Both
+    numbers are odd.
     """
     columns, rows = (
         2 * math.floor(0.5 * (size / pitch - 1.0) + SLACK) + 1

@@ -82,8 +82,8 @@ class GroundCells(NamedTuple):
 
 
 def side_m(area_m2: float, narrowest_m: float) -> float:
-    """Choose the side of the cells for an area, so that its shorter side is at least a few cells
-    wide.
+    """Choose the side of the cells so that the shorter side of an area is at least a few cells
+    long.
     """
     wanted = max(math.sqrt(area_m2 / MOST_CELLS), SIDES_M[0])
     fitting = [side for side in SIDES_M if side >= wanted * (1.0 - 1e-9)]

@@ -1,8 +1,8 @@
 """Search for nearest points.
 
-Up to `MOST_COMPARED` points are compared directly. For more points, a tree of SciPy is used. It is
-not used for few points, because importing it takes longer than the rest of a plan over a small
-area.
+Up to `MOST_COMPARED` points are compared directly. For more points, a tree of SciPy is used. For
+fewer points, the tree is not used, because importing it takes longer than the rest of a plan over a
+small area.
 """
 
 from __future__ import annotations

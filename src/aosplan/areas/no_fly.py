@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Points = NDArray[np.float64]
 
 MOST_CORNERS = 5_000
-"""Largest number of corners of all zones.  Each detour examines all corners."""
+"""Largest number of corners of all zones.  The search for a detour examines all corners."""
 
 
 class NoFlyZones:
@@ -121,8 +121,8 @@ class NoFlyZones:
         """The corners at which the shortest path between two points turns; None if there is no
         path.
 
-        The search is A* over the corners. The legs between corners are tested for zones only when
-        the search needs them.
+        The search is A* over the corners. Whether a leg between two corners crosses a zone is
+        tested only if the search needs this leg.
         """
         key = (*start.tolist(), *stop.tolist())
         if key not in self._ways:

@@ -1,6 +1,6 @@
 """Prior of the target's position: a raster of probabilities, as search teams make them.
 
-Only the ratios of the raster's values matter, because they are divided by their sum.
+Only the ratios of the raster's values matter, because the values are divided by their sum.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
 def prior_shares(cells: GroundCells, origin: tuple[float, float], path: str) -> Floats:
-    """The probability that the target is in each cell of the ground.
+    """For each cell of the ground, the probability that the target is in this cell.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Reading of boundaries from GeoPackage, shapefile, GPX, FlatGeobuf and MapInfo files with pyogrio.
 
-GPX files have no polygons.  Their closed tracks and routes are used as boundaries.
+GPX files have no polygons.  The closed tracks and routes in these files are used as boundaries.
 """
 
 from __future__ import annotations

@@ -167,7 +167,7 @@ def baseline_curve(slabs: Sequence[Slab]) -> list[tuple[float, float]]:
 
     The curve has one knot for each bottom and top of a slab, in order of increasing baseline.  A
     bottom on the focal plane has no knot, because occluders there have no disparity.  If there are
-    very many slabs, only every n-th knot is kept, always including the largest baseline.  The size
+    very many slabs, only every n-th knot and the knot with the largest baseline are kept.  The size
     of a pixel is not taken into account.
     """
     ends = {

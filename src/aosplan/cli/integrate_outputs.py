@@ -30,7 +30,7 @@ class IntegralDisplay(NamedTuple):
 
 
 def check_outputs(out: tuple[str, ...], others: list[str], *, stacked: bool, force: bool) -> None:
-    """Refuse paths that have a wrong extension, that exist, or that are given twice."""
+    """Refuse paths that have a wrong extension, that exist already, or that are given twice."""
     from aosplan.files import check_output
 
     for path in out:

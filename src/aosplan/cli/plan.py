@@ -126,7 +126,7 @@ def _detection_map(
 
 
 def _reciprocal_map(result: Plan, *, quiet: bool) -> ReciprocalMap:
-    """The map of how much of the target area of a plan each camera position sees."""
+    """The map of camera positions with the share of the plan's target area that each one sees."""
     from aosplan.maps.reciprocal_map import reciprocal_map
 
     with waiting_bar("computing what each position sees", quiet=quiet):

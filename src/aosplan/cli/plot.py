@@ -214,7 +214,7 @@ def _of_paper(
 
 
 def _check_unused(flags: dict[str, Any], what: str) -> None:
-    """Refuse options of a plan for figures that do not need one."""
+    """Refuse options of a plan for figures that do not need a plan."""
     given = next((name for name, found in flags.items() if found is not None), None)
     if given is not None:
         raise RequestError(f"--{given.replace('_', '-')} cannot be used with {what}")

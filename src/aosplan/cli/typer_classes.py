@@ -1,9 +1,9 @@
 """The classes of Typer from which the commands are built.
 
 ``import typer`` also imports 40 modules that make commands from functions.  aosplan makes its
-commands from tables and does not use these modules, which take a fifth of the time of a plain plan.
-Therefore `typer.core` is imported here without executing the package ``typer``.  The package is
-executed later if other code uses one of its own names.
+commands from tables and does not use these modules.  Importing them would take a fifth of the time
+of a plain plan.  Therefore `typer.core` is imported here without executing the package ``typer``.
+The package is executed later if other code uses one of its own names.
 """
 
 from __future__ import annotations

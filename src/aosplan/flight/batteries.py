@@ -43,8 +43,8 @@ class TakeoffPoint(NamedTuple):
     """The take-off point: metres east, north and up, in the axes of the track.
 
     For each waypoint, `ways_up_m` has the height of the horizontal transit to it, and
-    `returns_up_m` has the height of the transit back from it.  Both are along the axes of the
-    track.  If they are None, the transit is at the height of the waypoint.
+    `returns_up_m` has the height of the transit back from it.  Both use the same zero as `up_m`.
+    If they are None, the transit is at the height of the waypoint.
     """
 
     east_m: float

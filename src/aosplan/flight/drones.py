@@ -7,8 +7,8 @@ acceleration of 2 m/s² at a tilt of about 12 degrees. At a cruise speed of 10 m
 time to stabilise. After a flight of the published time, a new battery is empty. The flights of a
 plan should therefore be shorter.
 
-`source` names the manufacturer's page.  `assumed` marks values that come from a single unverified
-reading as "unconfirmed".
+`source` names the manufacturer's page.  If a value comes from a single unverified reading,
+`assumed` marks it as "unconfirmed".
 """
 
 from __future__ import annotations

@@ -102,8 +102,8 @@ class Timing(NamedTuple):
 
     @property
     def run_in_m(self) -> float:
-        """Length of the path before a line on which the drone accelerates; 0 if the drone stops at
-        every site.
+        """Length of the run-in, on which the drone accelerates before a line; 0 if the drone stops
+        at every site.
         """
         ramp = 0.5 * self.speed_mps**2 / self.acceleration_mps2
         return max(ramp, self.least_run_in_m) if self.fly_through else 0.0

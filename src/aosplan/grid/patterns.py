@@ -334,8 +334,8 @@ def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
 
 
 def index_by_side(grid: str, samples: Any, side: Any) -> Any:
-    """The same as `index_for`, for one sample count or an array of sample counts. The grid must not
-    be lanes or a spiral.
+    """The same as `index_for`, for one sample count or an array of sample counts. The kind of
+    grid must not be ``lanes`` or ``spiral``.
 
     `side` is the integer part of the square root of `samples`.
     """

@@ -1,4 +1,4 @@
-"""Maps that show, for each camera position at flight altitude, how much of a target area it sees.
+"""Maps of camera positions at flight altitude, with the share of a target area that each one sees.
 
 Such a map shows the reciprocal visibility of Nathan, Strand, Shutin and Bimber (2024, arXiv
 2402.06991), averaged over the target area. Its value at a position is the share of the points of
@@ -34,7 +34,7 @@ FINEST_M = 0.5
 
 
 class ReciprocalMap(NamedTuple):
-    """How much of a target area each camera position sees.
+    """The share of a target area that is seen from each camera position.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class ReciprocalMap(NamedTuple):
 
 
 def reciprocal_map(plan: Plan) -> ReciprocalMap:
-    """Compute how much of the target area of a plan each camera position sees.
+    """Compute the share of a plan's target area that is seen from each camera position.
 
     The target area is the area of the plan, or the disc around its origin.
 

@@ -171,7 +171,7 @@ class FlightSettings(NamedTuple):
       first waypoint and on the way back from any waypoint; if they are None, the height of the
       highest waypoint is used.
     - `camera_control`: how PX4 triggers the camera: with the commands of MAVLink's camera protocol
-      (``mavlink``), or with its own outputs.
+      (``mavlink``), or with PX4's own outputs.
     """
 
     trigger: str = "stop"
@@ -201,9 +201,10 @@ class Mission(NamedTuple):
     """The content of a mission file: waypoints in flight order, a summary of the plan, and flight
     settings.
 
-    `flight` is the number of this flight, from 1, of the `flights` of a plan. `part` is the number
-    of this file, from 1, of the `parts` into which a flight is split if it is too long for one
-    file. `first_index` is the index of the first waypoint in the whole plan, from 0.
+    A plan has `flights` flights, and `flight` is the number of this flight, counted from 1. A
+    flight that is too long for one file is split into `parts` files, and `part` is the number of
+    this file, counted from 1. `first_index` is the index that the first waypoint has in the whole
+    plan, counted from 0.
     """
 
     waypoints: Waypoints

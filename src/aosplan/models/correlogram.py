@@ -112,7 +112,7 @@ class CorrelogramModel:
     def predict(self, pattern: AnyPattern, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern that is flown with a baseline.
 
-        Each different offset of a lattice is looked up once in the correlogram. Each pair of sites
+        Each distinct offset of a lattice is looked up once in the correlogram. Each pair of sites
         of a spiral is looked up once for all spirals with the same baseline.
         """
         if isinstance(pattern, Spiral):

@@ -100,8 +100,8 @@ class Slices:
 
         It is (T/p) (exp Σ log(1 + τ_j D_j/q_j) - 1). If nearly all of the target is hidden, the
         logarithms are large, and this formula increases their rounding errors. In this case, the
-        covariance is computed as (exp Σ log(1 - D_j (1 - τ_j)) - T)/p. This difference loses digits
-        only if T is not small, which is not the case here.
+        covariance is computed as (exp Σ log(1 - D_j (1 - τ_j)) - T)/p. The difference would lose
+        digits only if T were large, but here T is small.
         """
         p, t = self.hidden, self.transparency
         if p > 0.9:

@@ -14,9 +14,9 @@ targets that both views hide.
 
 `density` is p̄, the mean over the views of the plan. It depends on the baseline, because slanted
 rays meet more occluders than nadir rays. V therefore has a maximum at a finite aperture, and is not
-a monotone function of the baseline. V̂ is not strictly monotone either. K may be less than 1/N, for
-two reasons. Two views may hide fewer targets in common than independent views would. If views hide
-different shares of the plot, the variance between targets is smaller.
+a monotone function of the baseline. V̂ is not a strictly monotone function of the baseline either.
+K may be less than 1/N, for two reasons. Two views may hide fewer targets in common than independent
+views would. If views hide different shares of the plot, the variance between targets is smaller.
 
 **Edges.** The plot is periodic, which means that it is surrounded by copies of itself. Every target
 is therefore below a canopy. However, a plot that was clipped out of a point cloud is sparse at its

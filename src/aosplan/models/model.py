@@ -50,8 +50,8 @@ class Prediction(NamedTuple):
     """Prediction of a model for one set of samples.
 
     `density` is p, the share of the target that one sample does not see. `transparency` is 1 - p.
-    It is stored separately because it is accurate even if p is close to 1. `shortfall` is K = 1 -
-    V̂.
+    It is stored separately because it would not be accurate if it were computed from a p that is
+    close to 1. `shortfall` is K = 1 - V̂.
     """
 
     density: float

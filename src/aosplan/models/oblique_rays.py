@@ -11,7 +11,7 @@ it with probability q^e.  Here e is the relative length of the ray.  It depends 
 
 The transparency T_i = Π q^e_i of sample i is the product over all slices.  It differs between
 samples, and p̄ = 1 - mean T_i.  As in the measured model, V = 1 - mean J_ik and K = (mean J_ik -
-p̄²)/(p̄ (1 - p̄)), where J_ik is the share of the target that both samples i and k do not see.
+p̄²)/(p̄ (1 - p̄)), where J_ik is the share of the target that neither sample i nor sample k sees.
 
 **Assumption** for two rays of different lengths: in each slice, a share τ of the occluders on the
 shorter ray is also on the longer ray. The rays have no other occluders in common. Both rays then

@@ -11,9 +11,9 @@ common with itself. For N samples,
 Noise decreases the distance between neighbours as often as it increases it. If d̂ >= 1, neighbours
 do not overlap at their sites. A larger distance changes nothing, but a smaller distance causes an
 overlap. V̂ therefore decreases. If d̂ is much smaller, V̂ increases, because noise makes the
-aperture larger. For a square of n x n sites at d̂ = 1, the decrease to first order in s = σ/b is 4
-(n-1)/n³ e₁ e₀ + 4 (n-1)²/n⁴ e₁² where e₁ = s/√π and e₀ = 1 - 2 e₁. For 49 samples and s = 0.43,
-this is 0.0123, and the exact value is 0.0117.
+aperture larger. For a square of n x n sites at d̂ = 1, the decrease of V̂ to first order in s = σ/b
+is 4 (n-1)/n³ e₁ e₀ + 4 (n-1)²/n⁴ e₁² where e₁ = s/√π and e₀ = 1 - 2 e₁. For 49 samples and s =
+0.43, this is 0.0123, and the exact value is 0.0117.
 """
 
 from __future__ import annotations
