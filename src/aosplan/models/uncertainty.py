@@ -143,8 +143,8 @@ class Uncertainty(NamedTuple):
 
 
 def of_targets(hidden: Floats, cell: int = 1) -> Uncertainty:
-    """Standard errors from the share of the views in which each target of a periodic plot is
-    hidden.
+    """Standard errors of the prediction for a periodic plot, computed from the share of the views
+    in which each target is hidden.
 
     Parameters
     ----------
@@ -246,9 +246,7 @@ def with_doubt(
 
 
 def with_part(errors: Uncertainty, part: ErrorPart) -> Uncertainty:
-    """Add an independent part to standard errors.  If V̂ was not defined, it remains not
-    defined.
-    """
+    """Add an independent part to standard errors.  If V̂ was not defined, it remains undefined."""
     normalized = errors.normalized
     if normalized is None:
         part = part._replace(normalized=None)

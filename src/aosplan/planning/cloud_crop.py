@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 ALL = "all"
 
 RAYS_M = 50.0
-"""Margin around the area of a plan.  Rays of up to 45° cross a canopy of 50 m within this
-margin.
+"""Margin around the area of a plan.  Rays that are slanted by up to 45° cross a canopy with a
+height of 50 m within this margin.
 """
 
 

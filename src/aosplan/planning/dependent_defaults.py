@@ -1,5 +1,5 @@
 """Defaults of options that depend on other options, and questions about the whole request on which
-they depend: whether it needs a search, whether it covers an area.
+these defaults depend: whether the request needs a search, and whether it covers an area.
 
 The other defaults are in `aosplan.planning.options`.
 """

@@ -287,7 +287,7 @@ class _Planner:
         return min(tours, key=lambda tour: tour.time_s)
 
     def limits(self, tour: Tour) -> tuple[Limit, ...]:
-        """What determined the number and the choice of the sites."""
+        """The limits that determined the number and the choice of the sites."""
         candidates, bounds = self._candidates, self._inputs.bounds
         samples, reach = len(tour.order), max(candidates.reach_m)
         of = f"of {len(self._cells)} candidates, which are {candidates.step_m:g} m apart"

@@ -420,7 +420,7 @@ def without_overridden(lower: dict[str, Any], upper: Mapping[str, Any]) -> dict[
 def _overridden(
     relation: Relation, lower: Mapping[str, Any], upper: Mapping[str, Any], dropped: set[str]
 ) -> set[str]:
-    """Options of a lower layer with which an upper layer breaks a rule.
+    """Options of a lower layer that break a rule together with the options of an upper layer.
 
     `dropped` contains the options that the upper layer overrides or excludes by other rules.
     """

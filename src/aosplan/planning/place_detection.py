@@ -152,8 +152,8 @@ class PlaceDetection:
         return np.column_stack(found)
 
     def _at(self, depth: float, points_m: Floats) -> float:
-        """Probability of detection with photos at the given positions, if the canopy has a relative
-        optical depth.
+        """Probability of detection with photos at the given positions, for a canopy with the given
+        relative optical depth.
         """
         return self._model(depth).probability_at(points_m)
 

@@ -68,8 +68,8 @@ POLISHED = 4
 """Largest number of neighbours of the best flight that are laid out in each step."""
 
 COUNTED = 4
-"""Largest number of flights in each search at one altitude whose detection is counted in the voxels
-of a stand.
+"""In each search at one altitude, detection is counted in the voxels of a stand for at most this
+number of flights.
 """
 
 REFUSED = 4

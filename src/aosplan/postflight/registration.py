@@ -2,9 +2,9 @@
 
 Every pair of a photo and a site defines a translation that moves the site to the photo. The correct
 translation is the one on which most pairs agree. Missing photos reduce the number of pairs that
-agree. Photos of other objects rarely add pairs to a wrong translation. A translation that is wrong
-by a whole pitch fits almost as well as the correct one. If a whole row of photos is missing, it
-fits equally well. Several translations may fit equally well. In this case, the translation whose
+agree. Pairs with photos of other objects rarely agree on a wrong translation. A translation that is
+wrong by a whole pitch fits almost as well as the correct one. If a whole row of photos is missing,
+it fits equally well. Several translations may fit equally well. In this case, the translation whose
 matched sites are earliest in the flight is chosen, because flights often end early but rarely begin
 late.
 """

@@ -101,8 +101,8 @@ class Thinning(NamedTuple):
     def render(self) -> bytes:
         """The chosen views in their original format, with their indices in the column `ADDED`.
 
-        The result is a CSV file.  For a folder of photos, it has one name of a photo per line.  If
-        the file already has the column `ADDED`, the column is kept, because its indices refer to
+        The result is a CSV file.  For a folder of photos, it has the name of one photo per line.
+        If the file already has the column `ADDED`, the column is kept, because its indices refer to
         the original recording.
         """
         rows = [self.views.rows[index] for index in self.chosen]

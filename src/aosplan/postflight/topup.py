@@ -1,4 +1,4 @@
-"""The flight that takes missing photos: all missing photos, or as many as a time allows."""
+"""The flight that takes missing photos: all missing photos, or as many as a given time allows."""
 
 from __future__ import annotations
 

@@ -18,8 +18,8 @@ entries.
 
 **Pairs.** The correlation of two views that are Δ apart decreases as the pair moves away from
 nadir. An entry of ρ is therefore a mean over five positions of the middle of the pair in a square
-aperture: at nadir; Δ/2 from nadir on both sides, perpendicular to Δ; and Δ/2 from nadir on both
-sides, along Δ. The last two positions have half the weight, because an aperture has fewer pairs
+aperture: at nadir; at Δ/2 on both sides of nadir, perpendicular to Δ; and at Δ/2 on both sides of
+nadir, along Δ. The last two positions have half the weight, because an aperture has fewer pairs
 there.
 
 The error of V̂ was measured with two point clouds and nineteen generated stands. For square grids
@@ -237,8 +237,8 @@ class _Views(NamedTuple):
     offsets: Floats
 
     def tables(self, inside: Words, aperture: float) -> tuple[Floats, Floats]:
-        """Tables of the targets in a mask: ρ by direction and lag, and p by direction (full circle)
-        and lag.
+        """Tables for the targets in a mask: ρ by direction and lag, and p by direction (full
+        circle) and lag.
 
         Pairs with a view outside of the aperture are not counted, unless all pairs of an entry have
         such a view.

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from aosplan.scenes.occlusion import Words
 
 TARGETS_AT_ONCE = 1 << 24
-"""Number of targets of all views that are unpacked at once.  It is 2^24, because float32 counts
-exactly up to this number.
+"""Number of targets that are unpacked at once, summed over all views.  It is 2^24, because float32
+counts exactly up to this number.
 """
 
 BYTE_COUNTS = np.unpackbits(np.arange(256, dtype=np.uint8)[:, np.newaxis], axis=1).sum(

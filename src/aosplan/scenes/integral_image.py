@@ -1,8 +1,8 @@
 """Simulated integral images of the ground below occluders, in which a search looks for targets.
 
-Occluders are flat square cells in horizontal planes. Each cell has its own radiance. A part of it
-is the same for the whole crown. A photo shows the first surface that each ray meets. The integral
-image is the mean of the photos, registered on the ground. It is stored in two parts: the
+Occluders are flat square cells in horizontal planes. Each cell has its own radiance. A part of this
+radiance is the same for the whole crown. A photo shows the first surface that each ray meets. The
+integral image is the mean of the photos, registered on the ground. It is stored in two parts: the
 contribution of the canopy, and the share of photos that see each pixel of the ground. The image of
 any ground with any targets can then be computed without tracing rays again.
 

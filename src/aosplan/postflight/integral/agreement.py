@@ -159,7 +159,9 @@ def on_plane(detail: Detail, view: View, plane: Plane, raster: Raster) -> NDArra
 
 
 class DetailSums:
-    """Sums over views at each pixel: of the detail, of its square, and the number of views."""
+    """Sums over views at each pixel: the sum of the detail, the sum of its square, and the number
+    of views.
+    """
 
     def __init__(self, raster: Raster) -> None:
         shape = (raster.rows, raster.columns)

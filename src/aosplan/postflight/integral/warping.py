@@ -183,7 +183,7 @@ def _reached(ray: Floats, intrinsics: Intrinsics, raster: Raster) -> RasterWindo
 
 
 def block_of(intrinsics: Intrinsics, ray: Floats, raster: Raster) -> int:
-    """Side of the square blocks of an image that have about the size of a raster step [px].
+    """Side [px] of the square blocks of an image that are about as large as a raster step.
 
     The size of a raster step is measured in the middle of the part of the raster that the image can
     reach. The parameters have the same meaning as in `warped`.
