@@ -59,7 +59,7 @@ def advanced(octets: Octets, bit: int, following: Octets) -> Octets:
 
 
 def from_each_column(octets: Octets) -> Octets:
-    """The octets of a packed slice that begin at each column, shape (8 octets - 8, rows)."""
+    """The octets that begin at each column of a packed slice, shape (8 octets - 8, rows)."""
     first, following = octets[:-1], octets[1:]
     found = np.empty((8 * len(first), octets.shape[1]), dtype=np.uint8)
     found[0::8] = first

@@ -1,8 +1,9 @@
 """Occlusion of a sample of the targets of a large plot.
 
-Predictions need the share of targets that are hidden in a view, and the share that are hidden in
-both of two views. These shares are means over the targets of a plot. A tile with sides of 500 m has
-64 million targets. The means over a sample of a million targets differ by less than 0.001.
+Predictions need two shares of the targets: the share that is hidden in a view, and the share that
+is hidden in both of two views. These shares are means over the targets of a plot. A tile with sides
+of 500 m has 64 million targets. The means over a sample of a million targets differ by less than
+0.001.
 
 **Lattices.** The sample consists of sixteen lattices. Each has one target in every M-th voxel along
 both axes. The lattices differ in the voxel at which they start and in the position of the target

@@ -154,7 +154,7 @@ class VoxelVolume:
             raise RequestError(f"{where}: the bounds or halves do not have the shape of the volume")
 
     def of_voxels(self, occupied: NDArray[np.bool_]) -> VoxelVolume:
-        """The same volume with other voxels, and without bounds and halves."""
+        """The same volume with other occupied voxels, and without its bounds and halves."""
         return replace(self, occupied=occupied, bounds=None, halves=None)
 
     @property
@@ -206,7 +206,8 @@ class VoxelVolume:
         return float(self.hidden_columns.mean())
 
     def typical_part(self, size_m: tuple[float, float]) -> VoxelVolume:
-        """The part of the plot whose share of occupied columns is nearest to that of the plot.
+        """The part of the plot whose share of occupied columns is nearest to the share of the whole
+        plot.
 
         Parameters
         ----------

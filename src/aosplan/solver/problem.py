@@ -142,7 +142,9 @@ class CommonGround(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """Bounds on the baseline, the number of samples and the extent, or fixed values of these."""
+    """Bounds on the baseline, the number of samples and the extent, or fixed values of these
+    quantities.
+    """
 
     max_aperture_m: float | None = None
     max_samples: int | None = None
@@ -171,7 +173,7 @@ class GridKind(NamedTuple):
         return f"spiral of pitch {self.lane_pitch:g}" if self.name == "spiral" else self.name
 
     def frame(self, index: int) -> AnyFrame:
-        """The frame at an index of the sequence of this kind, counted from 1."""
+        """The frame with a given index, counted from 1, in the sequence of this kind of grid."""
         return frame_at(self.name, index, lanes=self.lanes, lane_pitch=self.lane_pitch)
 
     def pattern(self, samples: int) -> AnyPattern:
@@ -213,8 +215,8 @@ class Problem(NamedTuple):
         return f"{self.grid.title} at {heading:g}°" if heading else self.grid.title
 
     def turned(self, heading_deg: float) -> Problem:
-        """The same problem at another heading.  If the model has no heading, it is the problem
-        itself.
+        """The same problem at another heading.  If the model does not depend on the heading, the
+        problem itself is returned.
         """
         before = self.model.heading_deg
         if before is None or before == heading_deg:

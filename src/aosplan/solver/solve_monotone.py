@@ -341,7 +341,7 @@ def _fewest_in(problem: Problem, frame: AnyFrame, baseline_m: float, most: int) 
 
 
 def _preferred_baseline_m(problem: Problem, pattern: AnyPattern) -> float:
-    """The baseline that the model recommends if the objective is the number of samples, otherwise
+    """If the objective is the number of samples, the baseline that the model recommends; otherwise
     the smallest baseline.
     """
     rule = problem.model.rule_baseline_m

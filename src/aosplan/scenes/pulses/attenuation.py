@@ -85,7 +85,7 @@ class VoxelSums(NamedTuple):
 
 
 class Strengths(NamedTuple):
-    """Weights of the larger block in the estimates of voxels and of columns, as numbers of pulses."""
+    """Weights, as numbers of pulses, of the larger block in the estimates of voxels and columns."""
 
     voxel: float
     column: float

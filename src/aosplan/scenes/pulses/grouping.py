@@ -30,7 +30,8 @@ number of returns of this kind.
 
 
 class Pulses(NamedTuple):
-    """Complete pulses.  Each has all returns from its first present return to its last return.
+    """Complete pulses.  Each pulse has all its returns from the first one that is present to the
+    last one.
 
     Attributes
     ----------

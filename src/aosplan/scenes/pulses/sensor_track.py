@@ -150,7 +150,9 @@ def _least_squares(middle: Floats, direction: Floats, since: Floats, weight: Flo
 
 
 def _angles(to_sensor: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """Angles between directions and the lines of pulses [rad], and distances to the sensor."""
+    """Angles [rad] between the lines of the pulses and the directions to the sensor, and distances
+    to the sensor.
+    """
     distance = np.sqrt((to_sensor * to_sensor).sum(axis=0))
     cross = np.cross(to_sensor.T, direction.T)
     sine = np.sqrt((cross * cross).sum(axis=1)) / distance

@@ -1,7 +1,7 @@
 """The path of each pulse through the voxels, from above the canopy to its last return.
 
 A path is a polyline that starts above the canopy on the line to the sensor and goes from return to
-return.  `paths_to_ground` extends it to the ground.  The path is cut into pieces of 2 m of height.
+return.  `paths_to_ground` extends it to the ground.  The path is cut into pieces that are 2 m high.
 The height of the ground is evaluated at each cut, because the voxels follow the ground.  Within a
 piece, the intersections with all voxel faces are sorted.  Each length between two intersections is
 therefore in exactly one voxel, and a path ends exactly at its last return.
@@ -136,8 +136,8 @@ class Lengths(NamedTuple):
 
 
 def points_at_height(points: Floats, to_sensor: Floats, grid: VoxelGrid, height_m: float) -> Floats:
-    """The points on the lines from `points` to the sensor that have a given height above the
-    ground, shape (3, P).
+    """For each of `points`, the point on its line to the sensor at a given height above the ground,
+    shape (3, P).
     """
     found = points.copy()
     upward = np.maximum(to_sensor[2], 0.05)

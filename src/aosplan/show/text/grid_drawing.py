@@ -80,7 +80,7 @@ def flight_picture(
 
 def _site_by_site(pattern: AnyPattern, marks: Marks, width: int) -> list[str]:
     """Drawing with one character per site, if it fits.  A baseline is two characters wide, or one
-    character for a single line.
+    character wide if the grid is a single line.
     """
     for apart in (2, 1) if pattern.rows == 1 and isinstance(pattern, Pattern) else (2,):
         if pattern.samples > WIDTH * HEIGHT:

@@ -206,8 +206,8 @@ def _ground_text(plan: Plan) -> str:
 
 
 def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:
-    """Rows with the visibility of the planned grid in changed scenes, and with the grids for these
-    scenes.
+    """Rows with the visibility of the planned grid in changed scenes, and with the grids that would
+    be planned for these scenes.
     """
     for index, change in enumerate(changes):
         name = change.quantity.removeprefix("occluder_")

@@ -1,5 +1,5 @@
-"""Fig. 7a, b: V̂ against the aperture. Panel a is from the model. Panel b is from stands, with b =
-3.5 m at an altitude of 50 m.
+"""Fig. 7a, b: V̂ against the aperture. Panel a shows the V̂ of the model.  Panel b shows the V̂ of
+stands, with b = 3.5 m at an altitude of 50 m.
 """
 
 from __future__ import annotations

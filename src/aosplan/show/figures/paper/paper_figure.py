@@ -95,7 +95,7 @@ class PaperFigure(NamedTuple):
         return found
 
     def where(self, **equal: Any) -> dict[str, list[Any]]:
-        """The columns of those rows that have the given values."""
+        """The columns, with only those rows that have the given values."""
         wanted = {self.names.index(name): value for name, value in equal.items()}
         kept = [row for row in self.rows if all(row[k] == v for k, v in wanted.items())]
         return {name: [row[k] for row in kept] for k, name in enumerate(self.names)}
