@@ -103,7 +103,7 @@ IS_THE_ONLY, EXCLUDES, NEEDS, NEEDS_ALL = "is the only", "excludes", "needs", "n
 def _rule(
     given: str, verb: str, others: str, message: str = "", hint: str = "", **layers: bool
 ) -> Relation:
-    """A relation, with its conditions as text."""
+    """A relation whose conditions are given as text."""
     first, second = (tuple(map(Condition.read, text.split())) for text in (given, others))
     return Relation(first, verb, second, message, hint, **layers)
 

@@ -68,7 +68,7 @@ class Plan:
     detection
         Probability of detection of the target; None without a target to find.
     within
-        Result of a search within a time, or None.
+        Result of a search within a given time, or None.
     guided
         How guided positions were chosen, or None.
     gain

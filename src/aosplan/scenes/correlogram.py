@@ -228,7 +228,7 @@ def correlogram(
 
 
 class _Views(NamedTuple):
-    """Views of a polar lattice.  It has the mask of the nadir view, and the masks and offsets of
+    """Views of a polar lattice.  They are the mask of the nadir view, and the masks and offsets of
     the other views by direction and lag.
     """
 

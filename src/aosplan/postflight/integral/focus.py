@@ -383,8 +383,8 @@ class _Search:
     def align(
         self, level: _Level, height_m: float, correction: Correction, align: str
     ) -> tuple[float, Correction, int]:
-        """Find the height and the corrections for which the shifts of views have neither growth nor
-        rotation.
+        """Find the height and the corrections with which the shifts of views have neither growth
+        nor rotation.
         """
         clear = 0
         for _ in range(ROUNDS):
