@@ -8,8 +8,8 @@ There are four parts:
   `--where` that keeps no scenario.  Each measurement runs in a process with one thread, whose peak
   memory is measured.  For comparison, there is the paper's Eq. 2 as a double sum, vectorised with
   NumPy over scenarios, and one `aosplan.plan` per scenario;
-- **kinds**: data frames of scenarios in which bounds take effect, scenarios without a solution,
-  with layers and with voxels.  For comparison, there is one `aosplan.plan` per scenario;
+- **kinds**: data frames of scenarios in which bounds take effect, that have no solution, that use
+  layers, or that use voxels.  For comparison, there is one `aosplan.plan` per scenario;
 - **summary**: the time of `--summary` with and without a file, from 10⁶ scenarios on;
 - **workers**: the same sweep with one worker and with two workers.  The results are the elapsed
   time, which is meaningful only on an idle machine, the total processor time, and the load of the

@@ -194,7 +194,8 @@ def brute_force(request: PlanRequest, floor: float) -> Tried:
             if probability <= best:
                 continue
             for trigger, heading in itertools.product(triggers, headings):
-                # Each photo takes some time. An area has about one photo per cell of the grid.
+                # The photos themselves also take time. An area has about one photo per cell of the
+                # grid.
                 photos = max(area_m2 / (baseline**2 * pitch), rows * columns) - rows
                 each_s = request.hold if trigger == "stop" else request.photo_interval
                 if photos * (each_s or 0.0) > allowed_s or probability <= best:

@@ -127,7 +127,7 @@ def test_the_package_contains_only_the_chapters_and_the_root_modules():
 
 
 def test_no_package_or_root_module_has_the_name_of_a_public_function():
-    # Importing a submodule sets an attribute with its name in its package.
+    # If a submodule is imported, its package gets an attribute with the name of the submodule.
     names = {module.split(".")[1] for module in MODULES if module not in FACES}
     assert not names & {*aosplan.__all__}
 

@@ -443,7 +443,8 @@ def test_the_max_sites_that_a_refusal_suggests_is_enough(file):
 
 def test_images_too_small_for_the_grid_are_an_error_with_a_remedy(file):
     path = file(shapely.box(-60, -60, 60, 60))
-    # Every point has to be in all its images, even if single grids do not need common ground.
+    # Over an area, every point has to be in the images of all its sites, even if single grids do
+    # not need common ground.
     options = {"vhat": 0.98, "camera": "dji-h20t-thermal", "allow_no_common_ground": True}
     with pytest.raises(InfeasibleError, match="too small for an area") as caught:
         planned(path, **options, baseline=2.8)

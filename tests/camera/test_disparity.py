@@ -126,9 +126,7 @@ def test_the_baseline_of_one_slab_follows_from_the_height_above_which_the_share_
 
 @pytest.mark.parametrize(("altitude", "baseline"), [(50.0, 3.5), (40.0, 2.8), (100.0, 7.0)])
 def test_the_papers_forest_has_the_papers_baselines(altitude, baseline):
-    """The baseline for 98 % of the occluders is 3.5 m from an altitude of 50 m, and 2.8 m from 40
-    m.
-    """
+    """The baseline for 98 % of the occluders is 3.5 m at an altitude of 50 m, and 2.8 m at 40 m."""
     preset = SCENES["paper-forest"]
     base, height = preset.volume_base_m, preset.volume_height_m
     slab = Slab(base, base + height, preset.occluder_size_m, 1.0)

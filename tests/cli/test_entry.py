@@ -1,4 +1,4 @@
-"""Tests of the settings of the process that are made before a command is loaded."""
+"""Tests of the settings that the process makes before it loads a command."""
 
 import subprocess
 import sys

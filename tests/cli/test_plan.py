@@ -1,4 +1,4 @@
-"""`plan`: its results, all names in its JSON, and requests that are planned again."""
+"""`plan`: tests of its results, of all names in its JSON, and of requests that are planned again."""
 
 import csv
 import io

@@ -1,4 +1,4 @@
-"""`scene`: the statistics of a scene, and saving it."""
+"""`scene` gives the statistics of a scene, and saves the scene."""
 
 import math
 

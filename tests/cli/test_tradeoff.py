@@ -1,4 +1,4 @@
-"""`tradeoff`: the same table in three formats."""
+"""`tradeoff` gives the same table in three formats."""
 
 import csv
 

@@ -1,4 +1,4 @@
-"""The same ground in all units and projections of rasters gives the same heights, or an error."""
+"""The same ground gives the same heights in all units and projections of rasters, or an error."""
 
 import numpy as np
 import pytest

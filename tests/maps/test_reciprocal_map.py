@@ -1,4 +1,6 @@
-"""Maps of what camera positions see, compared with rays through the leaves of a scanned stand."""
+"""Maps of the share of a target area that cameras at each position see, compared with rays through
+the leaves of a scanned stand.
+"""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
-"""All formats: tests of the order of sites, of the rules of the programs that read them, and of
-their limits.
+"""All formats: tests of the order of sites, of the limits of the formats, and of the rules of the
+programs that read the files.
 """
 
 import itertools

@@ -43,8 +43,8 @@ def detection(layers, samples, baseline_m, signature=(5.0, 0.0, 0.0), altitude_m
 
 @pytest.mark.parametrize("target", [PERSON, Target(2.0, 2.0), Target(0.3, 4.0)])
 def test_kernels_have_the_moments_of_drawn_pairs_of_points(target):
-    """For two random points of a rectangle, E|δ|² is (w² + l²)/6.  It is larger for a point of a
-    shifted or rotated rectangle, and for a point of the box.
+    """For two random points of a rectangle, E|δ|² is (w² + l²)/6.  It is larger if one of the
+    points is in a shifted rectangle or in the box.
     """
     made = kernels(target, 0.2)
     square = np.add.outer(made.fine_m**2, made.fine_m**2)

@@ -1,4 +1,6 @@
-"""Position noise, compared with quadrature and with random positions, and its effect on plans."""
+"""The model of position noise, compared with quadrature and with random positions, and the effect
+of this noise on plans.
+"""
 
 import math
 from functools import partial

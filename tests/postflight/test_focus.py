@@ -114,8 +114,8 @@ def test_growth_and_rotation_are_separated_from_the_rest():
     shifts[7] += 50.0
     clear = np.arange(30) != 7
     fit = fitted(shifts, clear, positions)
-    # Positions are relative to the mean of all positions. Leaving out the seventh one therefore
-    # changes only the constant.
+    # Positions are relative to the mean of all positions. Leaving out the position with the index 7
+    # therefore changes only the constant.
     assert (fit.growth, fit.turn_rad) == pytest.approx((0.02, 0.05))
     assert np.abs(fit.rest_m).max() < 1e-9
 

@@ -1,4 +1,4 @@
-"""Selection of views, compared with all possible selections, and with necessary properties."""
+"""Selections of views, compared with all possible selections and tested for necessary properties."""
 
 import csv
 import json
@@ -268,7 +268,7 @@ def test_504_views_are_thinned(recording, capsys, samples):
     assert found["all"]["shortfall"] == pytest.approx(
         slices_shortfall(turned, layers, 35.0), rel=1e-6
     )
-    # So many views can be chosen without shared occluders, so the bound is reached.
+    # This number of views can be chosen without shared occluders, so the bound is reached.
     assert found["kept"]["shortfall"] == pytest.approx(1.0 / samples, rel=1e-3)
     assert found["bound"]["shortfall"] == 1.0 / samples
     rng = np.random.default_rng(0)

@@ -156,7 +156,8 @@ def wide(tmp_path):
 
 def test_wide_plots_have_larger_voxels_with_a_warning(wide, monkeypatch):
     assert read_voxels(wide).voxel_m == 0.25
-    # z has a range of 28 m; 60 x 60 x 28 m have at most this number of voxels of 0.38 m.
+    # z has a range of 28 m. With the limit below, a volume of 60 x 60 x 28 m needs voxels of at
+    # least 0.38 m.
     monkeypatch.setattr(point_cloud, "USUAL_VOXELS", 1_830_000)
     enlarged = read_voxels(wide)
     assert enlarged.voxel_m == 0.4

@@ -159,7 +159,7 @@ def test_the_real_pine_and_fir_stand_is_planned_end_to_end(tmp_path, capsys):
     assert document["samples"] == 50
     assert document["visibility"]["density"] == pytest.approx(0.7385, abs=0.002)
     (warning,) = [w for w in document["warnings"] if w["code"] == "no_common_ground"]
-    assert "3.251 m" in warning["message"]  # a footprint of 22.76 m over 7 baselines
+    assert "3.251 m" in warning["message"]  # The footprint of 22.76 m is divided by 7 baselines.
     assert len(json.loads(geojson.read_text())["features"]) == 51
     assert len(table.read_text().splitlines()) == 51
 

@@ -18,8 +18,8 @@ from aosplan.show.figures.draw import KINDS
 from aosplan.show.figures.style import DARK, rules
 
 MOST_RMS = 1.0
-"""Largest root mean square difference to an approved picture (of 255), for the same version of
-matplotlib.
+"""Largest accepted root mean square difference from an approved picture, on a scale from 0 to 255,
+for the same version of matplotlib.
 """
 
 
@@ -207,7 +207,9 @@ SAME = VERSION.read_text().strip() == f"matplotlib {mpl.__version__}"
 
 
 def rms(one, other):
-    """Root mean square difference of two PNG files (of 255); inf if their sizes differ."""
+    """Root mean square difference of two PNG files, on a scale from 0 to 255; inf if their sizes
+    differ.
+    """
     first, second = (
         np.asarray(Image.open(io.BytesIO(content)).convert("RGB"), dtype=float)
         for content in (one, other)

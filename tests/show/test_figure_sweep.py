@@ -250,7 +250,7 @@ def test_few_values_have_their_own_points(campaign, ending):
 
 
 def scattered(count=300, by=None):
-    """Rows of a sweep with random results and a third column."""
+    """Rows of a sweep with two random results and a third column, which by default depends on both."""
     import numpy as np
 
     rng = np.random.default_rng(3)

@@ -111,7 +111,7 @@ def test_averaged_patterns_have_the_visibility_of_eq_2(figure_of, number):
     # distribution with 15 degrees of freedom, whose variance is 15/13. At disparity 0, V is equal
     # for all N, so there are fewer points.
     assert np.mean(away**2) < 15 / 13 + 4 * math.sqrt(3.1 / (len(away) / 2))
-    if number == "3":  # a model that is wrong by a fiftieth is found
+    if number == "3":  # A model whose V is wrong by 0.02 is found.
         wrong = away + 0.02 * np.array(points["V"]) / points["standard_error"]
         assert abs(wrong.mean()) > 8 * math.sqrt(15 / 13 / len(away))
 

@@ -30,7 +30,7 @@ def flight():
 
 
 def with_shortfall(made, factor):
-    """The plan with K multiplied by a factor, as from a wrong model."""
+    """The plan with K multiplied by a factor, as if a wrong model had predicted it."""
     p = made.solution.prediction
     wrong = Prediction(p.density, p.transparency, p.shortfall * factor)
     return replace(made, solution=made.solution._replace(prediction=wrong))

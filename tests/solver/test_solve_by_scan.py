@@ -138,7 +138,7 @@ def test_for_low_visibility_the_slack_is_one_per_cent_of_the_best_value(density)
 def test_contrast_grows_with_independent_samples_up_to_their_bound():
     found = solve(Problem(PAPER, vhat("0.98"), bounds=Bounds(max_samples=64), objective="contrast"))
     # Contrast is proportional to √N. The contrast of 63 samples is within 1 % of the contrast of 64
-    # samples. The contrast of 62 samples is not.
+    # samples. The contrast of 62 samples is further below.
     assert found.pattern.samples == 63
 
 
@@ -178,7 +178,7 @@ BOUNDS = [
 @pytest.mark.parametrize("grid", KINDS, ids=lambda grid: grid.title)
 @pytest.mark.parametrize("stand", ["beech", pytest.param("clearing", marks=pytest.mark.slow)])
 def test_no_enumerated_grid_has_a_lower_cost(stands, stand, grid, bounds):
-    """Every objective is compared with all patterns at all baselines of the scan."""
+    """The solution for every objective is compared with all patterns at all baselines of the scan."""
     problem = stands[stand]._replace(grid=grid, bounds=bounds)
     if bounds.samples is None:
         every = list(enumerated(problem, bounds.max_samples))

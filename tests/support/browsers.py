@@ -12,7 +12,8 @@ def serious_faults(page, *, only=(), without=()):
     `only` are the rules to test (by default, all rules), and `without` are rules to leave out.
     """
     axe = pytest.importorskip("axe_playwright_python.sync_playwright")
-    # Without a preload, because a page from a file may not read its style sheets a second time.
+    # The preload is switched off, because a page from a file may not read its style sheets a second
+    # time.
     options = {"resultTypes": ["violations"], "preload": False}
     options["rules"] = {rule: {"enabled": False} for rule in without}
     if only:

@@ -101,8 +101,9 @@ def test_missing_values_are_a_separate_stratum():
 
 
 def test_every_row_is_drawn_as_often_as_any_other():
-    # 10 of 50 rows for 2000 seeds: each row is drawn about 400 times, with variance 2000 · 0.2 ·
-    # 0.8. Drawing without replacement multiplies the sum of squares by 49/50.
+    # For each of 2000 seeds, 10 of 50 rows are drawn. Each row is therefore drawn about 400 times,
+    # with variance 2000 · 0.2 · 0.8. Drawing without replacement multiplies the sum of squares by
+    # 49/50.
     counts = np.zeros(50)
     for seed in range(2000):
         counts[np.argsort(v.priorities_of(np.arange(50), seed))[:10]] += 1
@@ -186,7 +187,7 @@ def test_one_wrong_prediction_among_many_is_found(noise_checks):
 
 def test_a_deviation_that_is_unlikely_alone_is_likely_among_many(noise_checks):
     # In a single comparison of 16 samples, a difference of 3.2 standard errors has a probability of
-    # less than 1 %. The probability that the largest difference of 120 comparisons is as large is
+    # less than 1 %. Among 120 comparisons, the probability of at least one such difference is
     # higher.
     simulation = noise_checks[0].simulation
     assert simulation.samples >= 16

@@ -175,7 +175,7 @@ def test_variants_of_csv_files_are_read(folder, content):
 
 
 def test_rows_without_holes_are_solved_beside_rows_with_them(folder):
-    # No field of the first row is empty, but its columns have the types of the whole table.
+    # The first row has no empty field, but the types of its columns are those of the whole table.
     (folder / "s.csv").write_text("altitude,vhat,samples\n40,0.9,20\n50,0.9,\n,0.9,\n")
     assert run(["sweep", "s.csv", "--out", "r.jsonl"]) == 0
     rows = [json.loads(line) for line in (folder / "r.jsonl").read_text().splitlines()]
