@@ -38,7 +38,7 @@ def main() -> None:
     if not sys.warnoptions:  # The user has not given -W or PYTHONWARNINGS.
         # Python warnings come only from libraries and are meant for programmers. The warnings of
         # aosplan itself are messages.
-        sys.warnoptions.append("ignore")  # worker processes inherit this list
+        sys.warnoptions.append("ignore")  # Worker processes inherit this list.
         warnings.simplefilter("ignore")
     from aosplan.cli.app import exit_quickly, run
 

@@ -212,8 +212,8 @@ def height_unit_m(band: str | None, stated: Units, what: str, hint: str) -> floa
         )
     if named_m and stated.up_m and not are_same(named_m, stated.up_m):
         raise RequestError(
-            f"{what} has heights in {unit_text(named_m)} by its band, and in "
-            f"{unit_text(stated.up_m)} by its vertical coordinate reference system",
+            f"{what} has heights in {unit_text(named_m)} according to its band, but in "
+            f"{unit_text(stated.up_m)} according to its vertical coordinate reference system",
             hint,
         )
     if named_m or stated.up_m:

@@ -231,7 +231,7 @@ def test_damaged_and_misnamed_vector_files_give_one_error(written):
     for content, name in ((b"SQLite format 3\0" + bytes(100), "a.gpkg"), (b"<gpx>", "a.gpx")):
         with pytest.raises(RequestError):
             read_outline(written(content, name))
-    with pytest.raises(RequestError, match="does not have the extension of one"):
+    with pytest.raises(RequestError, match="does not have the extension of a vector file"):
         read_outline(written(b"SQLite format 3\0", "a.geojson"))
 
 

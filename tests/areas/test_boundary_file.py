@@ -151,7 +151,7 @@ EXTERNAL = '<!DOCTYPE kml SYSTEM "file:///etc/passwd">'
 WRONG = {
     "empty": (b"", "is neither GeoJSON, KML nor KMZ"),
     "text": ("lat,lon\n1,2\n", "is neither GeoJSON, KML nor KMZ"),
-    "a shapefile": (b"\x00\x00\x27\x0a" + bytes(96), "is a vector file, but does not have the extension of one"),
+    "a shapefile": (b"\x00\x00\x27\x0a" + bytes(96), "but its name does not have the extension of a vector file"),
     "broken JSON": ('{"type": "Polygon"', "is not valid JSON"),
     "a list": ("[]", "contains no table"),
     "not GeoJSON": ({"a": 1}, "has type 'None'"),
@@ -233,7 +233,7 @@ def test_unsupported_content_gives_one_clear_error(file, name):
     ("position", "hint"),
     [
         ([48.0, 114.0], "give the longitude before the latitude"),
-        ([181.5, 48.0], "across the antimeridian, 181.5 is -178.5"),
+        ([181.5, 48.0], "181.5 is the same as -178.5"),
         ([5e5, 5.3e6], "convert metres to degrees"),
     ],
 )

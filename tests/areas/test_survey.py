@@ -98,7 +98,7 @@ class Judge:
         told = [warning.message for warning in self.plan.warnings if warning.code == "slivers"]
         if not told:
             return whole
-        left_out = float(re.search(r" and (\S+) m² together", *told)[1])
+        left_out = float(re.search(r"a total area of (\S+) m²\)", *told)[1])
         # The message has two digits, and repaired outlines may have tiny parts of less than 1 mm².
         assert left_out == pytest.approx(size[sliver].sum(), rel=0.051, abs=1e-6)
         return shapely.multipolygons(parts[~sliver])

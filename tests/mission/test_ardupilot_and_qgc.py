@@ -151,7 +151,7 @@ def test_files_for_another_autopilot_than_the_drones_are_refused():
         ("kmz", "px4"),
         ("litchi", "ardupilot"),
     ):
-        with pytest.raises(RequestError, match="is not for"):
+        with pytest.raises(RequestError, match="cannot be used for"):
             written(grid(autopilot=autopilot), name)
 
 

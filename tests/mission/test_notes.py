@@ -22,7 +22,7 @@ def said(name, *missions):
 def test_a_note_gives_the_height_of_home_and_its_datum(name, datum):
     found = said(name, grid(ground_m=LEVEL, autopilot="ardupilot", height_datum=datum, **PLACE))
     assert (
-        f"the home position as 190.0 m, above {datum}, although the format expects the height above sea level"
+        f"the home position in the file is 190.0 m above {datum}, although the format expects the height above sea level"
     ) in found
     assert "RTL_ALT" not in found
 
@@ -35,8 +35,9 @@ def test_a_note_says_that_the_height_of_home_is_unknown(name):
 @pytest.mark.parametrize("name", ["kmz", "dji-fly", "autel"])
 def test_a_note_describes_the_takeoff_reference_point_if_it_is_written(name):
     ellipsoidal = grid(ground_m=SLOPE, height_datum="ellipsoid", **PLACE)
-    assert "has the height of the terrain file above the ellipsoid, 190.0 m" in said(
-        name, ellipsoidal
+    assert (
+        "take-off reference point is 190.0 m above the ellipsoid, as in the terrain file"
+        in said(name, ellipsoidal)
     )
     assert "ellipsoid" not in said(name, grid(ground_m=SLOPE, height_datum="EGM96", **PLACE))
 

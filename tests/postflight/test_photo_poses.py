@@ -140,7 +140,7 @@ def test_photos_of_two_bands_need_a_choice_of_band(command, folder):
         assert len(names) == 4
         assert all(name.endswith(f"_{letter}.jpg") for name in names)
     assert "--band 'x'" in command("photos", "--out", "x.png", "--band", "x")[2]
-    assert "no such photo" in command("photos", "--out", "x.png", "--band", "zoom")[2]
+    assert "no photo of this kind" in command("photos", "--out", "x.png", "--band", "zoom")[2]
 
 
 def test_photos_without_a_band_beside_thermal_ones_are_visible(command, folder):

@@ -50,7 +50,7 @@ def test_a_route_without_photos_is_all_of_its_waypoints(tmp_path):
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><kml/>", "document type"),
         ("<kml/>", "contains no positions"),
         ("<a>" * 100 + "</a>" * 100, "nested too deeply to be read"),
-        ("<kml><Placemark><index>0</index></Placemark></kml>", "waypoint 0: has no coordinates"),
+        ("<kml><Placemark><index>0</index></Placemark></kml>", "waypoint 0 has no coordinates"),
         (
             "<kml><Placemark><coordinates>14,97</coordinates></Placemark></kml>",
             "waypoint 0: 97, 14 is",

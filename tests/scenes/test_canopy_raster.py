@@ -344,7 +344,7 @@ def test_heights_without_a_unit_are_refused_if_x_and_y_are_in_feet(raster):
 def test_contradictory_units_in_a_raster_are_refused(raster):
     path = raster(trees(), transform=IN_FEET, crs="EPSG:2227+6360", unit="m")
     with pytest.raises(
-        RequestError, match="in metres by its band, and in US survey feet"
+        RequestError, match="in metres according to its band, but in US survey feet"
     ) as caught:
         read_canopy(path)
     assert "--units" in caught.value.hint
@@ -361,7 +361,7 @@ def test_values_without_data_that_are_not_tagged_are_named_and_left_out(raster, 
     assert f"{value:.6g}" in volume.warnings[0][1]
     assert np.array_equal(volume.occupied, tagged.occupied)
     wrong = read_canopy(raster(heights, nodata=-1.0))
-    assert "names -1" in wrong.warnings[0][1]
+    assert "another value for missing data, -1" in wrong.warnings[0][1]
 
 
 def test_cells_of_web_mercator_are_scaled_to_the_ground(raster):

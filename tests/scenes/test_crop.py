@@ -135,7 +135,7 @@ def test_a_cloud_is_cropped_to_the_plan_with_a_warning(tmp_path):
     there = Crop(degrees((20.0, 30.0), (60.0, 80.0)), "degrees", 20.0, of_plan=True)
     cut = read_voxels(path, crop=there)
     assert cut.points == pytest.approx(((x <= 80.0) & (y >= 10.0) & (y <= 100.0)).sum(), abs=20)
-    assert "the 80 x 90 m around the plan" in dict(cut.warnings)["cropped_to_plan"]
+    assert "around the plan is used, 80 x 90 m" in dict(cut.warnings)["cropped_to_plan"]
     everywhere = Crop(degrees((-20.0, -30.0), (260.0, 280.0)), "degrees", of_plan=True)
     elsewhere = Crop((30.0, 10.0, 30.1, 10.1), "degrees", of_plan=True)
     corner = Crop(degrees((-90.0, -90.0), (20.0, 20.0)), "degrees", of_plan=True)

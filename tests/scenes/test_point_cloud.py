@@ -272,7 +272,7 @@ def test_saturated_photos_give_a_warning(tmp_path):
     path = write_cloud(tmp_path / "a.laz", *stand(width=19.9, depth=11.9))
     volume = read_voxels(path, voxel_m=4.0)
     assert codes(volume) == ["saturated"]
-    assert "smaller than 4 m, of 0.2 m or more" in volume.warnings[0][1]
+    assert "smaller than 4 m, but not below 0.2 m" in volume.warnings[0][1]
 
 
 def test_a_round_plot_gives_a_warning_with_the_density_inside(tmp_path):

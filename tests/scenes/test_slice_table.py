@@ -68,7 +68,7 @@ def test_a_slice_table_can_be_planned(table):
         (GOOD.replace("0.02", "2"), "line 2, density '2'", "write 2%"),
         (GOOD.replace("2,4,", "2,13 leagues,"), "line 2, top_m '13 leagues'", ""),
         (GOOD.replace("2,4,", "-2,4,"), "line 2, bottom_m '-2'", ""),
-        (GOOD.replace("6.5", "6,5"), "line 3 has 5 cells, and the header 4", "decimal points"),
+        (GOOD.replace("6.5", "6,5"), "line 3 has 5 cells, but the header has 4", "decimal points"),
         (GOOD.replace("4,6.5", "3,6.5"), "layer 1: bottom_m 3 is below", ""),
         (GOOD.replace("top_m", "top_ft"), "no column top_m", "'top_ft' is similar"),
         (GOOD.replace("density", "density_percent"), "no column density", "density_percent"),

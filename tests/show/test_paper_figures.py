@@ -161,7 +161,7 @@ def test_steps_are_counted_to_the_end():
 def test_agreement_counts_points_within_two_standard_errors():
     text = agreement("V", [0.1, -1.9, 2.5])
     assert "2 of 3 simulated points" in text
-    assert "the farthest is at 2.5" in text
+    assert "the farthest is 2.5 standard errors away" in text
 
 
 # The drawing

@@ -77,7 +77,7 @@ def test_a_task_of_another_version_writes_nothing(task):
 def test_a_task_of_files_that_differ_writes_nothing(task, tmp_path):
     path, _, told = task
     (tmp_path / "stand.csv").write_text("x")
-    with pytest.raises(SurroundingsError, match=r"does not see the file '.*stand.csv'"):
+    with pytest.raises(SurroundingsError, match=r"does not have the file '.*stand.csv'"):
         done(told._replace(files=((str(tmp_path / "stand.csv"), 2),)))
     assert not os.path.exists(path)
 

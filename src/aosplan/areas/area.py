@@ -249,9 +249,9 @@ def _without_slivers(shape: Any, outline: Outline) -> tuple[Any, list[Message]]:
     if not thin.any() or thin.all():
         return shape, []
     message = (
-        f"{int(thin.sum())} of {len(parts)} parts of '{outline.path}' are slivers, narrower "
-        f"than {SLIVER_M:g} m and {float(area_m2[thin].sum()):.2g} m² together, so they are "
-        "left out"
+        f"{int(thin.sum())} of {len(parts)} parts of '{outline.path}' are slivers (narrower "
+        f"than {SLIVER_M:g} m, with a total area of {float(area_m2[thin].sum()):.2g} m²), so "
+        "they are left out"
     )
     return shapely.multipolygons(parts[~thin]), [Message("slivers", message)]
 
@@ -314,7 +314,9 @@ def _local(ring: NDArray[np.float64], origin: tuple[float, float]) -> NDArray[np
 
 
 def _bent(ring: NDArray[np.float64], origin: tuple[float, float]) -> NDArray[np.float64]:
-    """A ring in metres. Its edges are divided so that their deviation is at most `BEND_M`."""
+    """A ring in metres. Its edges are divided, so that straight lines in metres deviate from the
+    edges in degrees by at most `BEND_M`.
+    """
     # Longitudes change along the short way around the earth.
     steps = (np.diff(ring[:, 0]) + 180.0) % 360.0 - 180.0
     degrees = np.column_stack([ring[0, 0] + np.append(0.0, np.cumsum(steps)), ring[:, 1]])

@@ -257,7 +257,8 @@ def _polygons(node: Any, place: str, crs: str, outline: Outline) -> Iterator[tup
         raise RequestError(
             f"'{outline.path}': {place or 'the file'} has type {shown(kind)}, which is "
             "not a type of GeoJSON",
-            "an area is a Polygon, a MultiPolygon, or a Feature or collection of them",
+            "an area is a Polygon or a MultiPolygon, or a Feature or a collection that contains "
+            "them",
         )
 
 
@@ -341,7 +342,7 @@ def _off_the_globe(longitude: float, latitude: float, place: str) -> RequestErro
     elif abs(latitude) > 90.0 and abs(longitude) <= 90.0:
         hint = "give the longitude before the latitude"
     elif abs(latitude) <= 90.0:
-        hint = f"across the antimeridian, {longitude:g} is {(longitude + 180) % 360 - 180:g}"
+        hint = f"longitudes are from -180 to 180; {longitude:g} is the same as {(longitude + 180) % 360 - 180:g}"
     return RequestError(
         f"{place}: {longitude:.10g}, {latitude:.10g} is not a longitude and a latitude", hint
     )

@@ -51,7 +51,7 @@ class Reprojection(NamedTuple):
             raise RequestError(
                 f"{place}: crs {shown(self.name)} is not WGS 84, but the coordinates look like "
                 "degrees",
-                "give the coordinate reference system in which the coordinates are",
+                "give the coordinate reference system of the coordinates",
             )
         # Lists are passed instead of arrays, because older versions of pyproj treat an array with
         # one value as a number.

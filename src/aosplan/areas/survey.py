@@ -361,7 +361,7 @@ def _losses(survey: Survey, samples: int) -> list[Message]:
     lost = (1.0 - survey.covered_share) * survey.area_m2
     fewest = "" if survey.fewest_looks is None else f" (the worst place from {survey.fewest_looks})"
     enclosed = (
-        f" and {survey.sites_enclosed} sites are enclosed by such zones"
+        f" and no-fly zones enclose {survey.sites_enclosed} further sites"
         if survey.sites_enclosed
         else ""
     )

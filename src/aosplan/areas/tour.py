@@ -202,7 +202,7 @@ def _triangulated(points: Points) -> list[tuple[NDArray[np.int64], NDArray[np.in
 
 
 def _by_lines(line: Whole, place: Whole, points: Points, zones: NoFlyZones) -> NDArray[np.intp]:
-    """Sites in the order of lines.  Each line is followed by the line with the nearest end."""
+    """Sites in the order of lines.  After each line comes the line whose end is nearest."""
     order = np.lexsort((place, line))
     apart = (np.diff(line[order]) != 0) | (np.diff(place[order]) != 1)
     if zones:

@@ -55,7 +55,7 @@ def read_vectors(path: str) -> Iterator[tuple[Rings | None, str, Message | None]
     """
     if not path.lower().endswith(SUFFIXES):
         raise RequestError(
-            f"'{path}' is a vector file, but does not have the extension of one",
+            f"'{path}' is a vector file, but its name does not have the extension of a vector file",
             f"extensions: {', '.join(SUFFIXES)}",
         )
     with needs_extra(f"area '{path}'", EXTRA):
@@ -104,7 +104,8 @@ def _polygons(
         elif path.lower().endswith(".gpx") and _comes_back(part):
             ring = shapely.get_coordinates(part)
             message = (
-                f"'{path}': {place}, a track or route, was closed, so it is used as an outline"
+                f"'{path}': {place}, a track or route, returns to its start, so it was closed and "
+                "is used as an outline"
             )
             yield [np.concatenate([ring, ring[:1]])], place, Message("track_closed", message)
         else:

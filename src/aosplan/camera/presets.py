@@ -161,9 +161,8 @@ CAMERAS: dict[str, CameraPreset] = {
             " by the calibration in s-du/IRMapper, cam_calib_m2t_opencv.xml (751 px, 9.0 mm; 9.12 mm in Theta-Limited/DroneModels)"
         ),
         assumed=(
-            "sensor size computed from the pixel pitch of 12 µm; DJI states no field of "
-            "view, and its equivalent of about 38 mm would be 59° diagonal where 9 mm gives "
-            "57°"
+            "sensor size computed from the pixel pitch of 12 µm; DJI states no field of view; the "
+            "stated equivalent of about 38 mm would give 59° diagonal, but 9 mm gives 57°"
         ),
     ),
     "dji-xt2-640-13mm": CameraPreset(
@@ -357,8 +356,8 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=3956,
         source="Matrice 4 Series specifications, DJI (4/3, 84°, 24 mm equivalent)",
         assumed=(
-            "focal length (12.29 mm) and 3.3 µm pitch from the tags of the images (12.29 mm, "
-            "3725 px), which gives 83°"
+            "focal length (12.29 mm) and pixel pitch (3.3 µm) computed from the tags of the "
+            "images (12.29 mm, 3725 px); they give 83°"
         ),
     ),
     "dji-mini-2": CameraPreset(
@@ -498,7 +497,8 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=4096,
         source="Mavic 4 Pro specifications, DJI (4/3, 72°, 28 mm equivalent)",
         assumed=(
-            "sensor width of a 4/3 sensor; 25 megapixels of 3:2; focal length computed from "
+            "sensor width of a 4/3 sensor; 25 megapixels with an aspect ratio of 3:2; focal "
+            "length computed from "
             "the diagonal field of view of 72°; all unconfirmed"
         ),
     ),
@@ -703,7 +703,7 @@ CAMERAS: dict[str, CameraPreset] = {
         assumed="sensor area from the rectified 50.815° field of view and the nominal 9 mm",
     ),
     "aos-vue-pro-9mm-video": CameraPreset(
-        title="AOS project, FLIR Vue Pro 9 mm, video grabbed, rectified to 512 x 512",
+        title="AOS project, FLIR Vue Pro 9 mm, grabbed from the video signal, rectified to 512 x 512",
         band="thermal",
         focal_length_mm=9.0,
         sensor_width_mm=7.11,
@@ -804,8 +804,8 @@ CAMERAS: dict[str, CameraPreset] = {
         assumed=(
             "sensor size computed from the pixel pitch of 12 µm; focal length computed from "
             "the horizontal field of view of 57°; 160 x 120 is the thermal data, not the "
-            "enlarged photo; nominal data-sheet values; Theta-Limited/DroneModels gives the "
-            "ANAFI USA's Boson 320, 4.3 mm, instead"
+            "enlarged photo; nominal data-sheet values; Theta-Limited/DroneModels has other "
+            "values, those of the ANAFI USA (Boson 320, 4.3 mm)"
         ),
     ),
     "autel-evo-2-dual-640t-thermal": CameraPreset(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 PANELS = {
     "Plan a flight": {
         "plan": "Compute the baseline and the number of photos, and write a mission.",
-        "scene": "Print how much of the ground a forest hides, and at which heights.",
+        "scene": "Print the share of the ground that a forest hides, and the heights of its occluders.",
         "tradeoff": "Compare plans with different numbers of photos.",
         "simulate": "Check a plan against a simulated forest.",
         "sweep": "Plan many scenarios, and write one row for each.",

@@ -401,11 +401,11 @@ def install(shell: str) -> tuple[str, str]:
     path, left = {
         "bash": (
             os.path.join(data, "bash-completion", "completions", "aosplan"),
-            "without the package bash-completion, add to ~/.bashrc: source '{}'",
+            "if the package bash-completion is not installed, add to ~/.bashrc: source '{}'",
         ),
         "zsh": (
             os.path.join(home, ".zfunc", "_aosplan"),
-            "have in ~/.zshrc: fpath+=~/.zfunc; autoload -Uz compinit; compinit",
+            "add to ~/.zshrc: fpath+=~/.zfunc; autoload -Uz compinit; compinit",
         ),
         "fish": (os.path.join(settings, "fish", "completions", "aosplan.fish"), ""),
         "powershell": (

@@ -42,8 +42,8 @@ def check_outputs(out: tuple[str, ...], others: list[str], *, stacked: bool, for
         if not path.lower().endswith((*EXTENSIONS, ".gif")):
             raise RequestError(
                 f"--out '{path}' does not end in {', '.join(EXTENSIONS)}",
-                "write .png to look at, .tif with the values, or .npz with the number of "
-                "photos as well",
+                "write .png for viewing, .tif for the values, or .npz for the values and the "
+                "number of photos",
             )
     for path in others:
         ending = os.path.splitext(path)[1].lower()

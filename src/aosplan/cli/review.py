@@ -200,7 +200,7 @@ def _coverage_rows(coverage: CoverageMap) -> Iterator[tuple[str, str]]:
         f"({known['planned_photos']:.3g} planned)",
     )
     if known["gap_share"] == 0.0:
-        yield "Gaps", "none, because no place is seen worse than planned"
+        yield "Gaps", "none, because every place is seen at least as well as planned"
         return
     why = (
         "in fewer photos than planned"

@@ -73,7 +73,7 @@ def run(
 COMMAND = command(
     "scene",
     run,
-    summary="Print how much of the ground a forest hides, and at which heights.",
+    summary="Print the share of the ground that a forest hides, and the heights of its occluders.",
     examples=("aosplan scene stand.laz --save stand.npz\naosplan scene north.laz south.laz --json"),
     parameters=[
         TyperArgument(

@@ -178,9 +178,9 @@ def _warn_if_imprecise(simulation: Simulation) -> None:
         [
             Message(
                 "imprecise",
-                f"the standard errors are still above {simulation.settings.precision:g} "
-                f"after {simulation.targets} targets, at which the simulation stops; give a "
-                "larger --max-targets",
+                f"the simulation stopped after {simulation.targets} targets, but the standard "
+                f"errors are still above {simulation.settings.precision:g}; give a larger "
+                "--max-targets",
             )
         ]
     )

@@ -41,8 +41,8 @@ def run(
         if spacing is None:
             raise RequestError(
                 "--positions needs --spacing M",
-                "this is the distance between two positions at which an occluder moves by "
-                "its own size: o h/H",
+                "M is the shift of the camera by which the image of an occluder moves by its own "
+                "size: o h/H",
             )
         turned = 0.0 if heading is None else q.number(heading, "--heading", "deg")
         count, shortfall = _positions(positions, q.positive(spacing, "--spacing", "m"), turned)
@@ -129,7 +129,8 @@ def _lattice(samples: str | None, grid: str | None, dhat: float) -> tuple[int, f
         return count, line_shortfall(side, dhat) ** 2
     if count > MOST_SITES:
         raise RequestError(
-            f"--samples {count} below d̂ = 1 would trim a grid of more than {MOST_SITES} sites",
+            f"--samples {count} is not possible with d̂ below 1, because the grid before trimming "
+            f"has more than {MOST_SITES} sites",
             f"give --grid {side}x{side}",
         )
     return count, pattern_shortfall(pattern_for("trimmed", count), dhat)
@@ -180,8 +181,8 @@ def _options() -> list[Any]:
         text_option(
             "--spacing",
             "M",
-            "Distance between two positions at which an occluder moves by its own size; for "
-            "--positions.",
+            "For --positions: shift of the camera by which the image of an occluder moves by its "
+            "own size.",
         ),
         text_option(
             "--heading",

@@ -108,8 +108,8 @@ def _shorter(
     level = max(home.level_m(track, part.first), home.level_m(track, part.last))
     hint = (
         f"{ways / 60.0:.3g} min of this time are for the path from the take-off and back (up "
-        f"to {level:.0f} m each) at {timing.transit.speed_mps:.3g} m/s; take off nearer, or "
-        "give a faster --transit-speed or a longer --flight-time"
+        f"to {level:.0f} m each) at {timing.transit.speed_mps:.3g} m/s; take off nearer to the "
+        "sites, or give a higher --transit-speed or a longer --flight-time"
     )
     if not timing.fly_through:
         return hint
@@ -118,8 +118,8 @@ def _shorter(
     shorter = f", lines of at most {left_m:.0f} m" if left_m > 0.0 else ""
     return (
         f"{hint}; the line of {length:.0f} m at {timing.speed_mps:.3g} m/s takes the rest of "
-        f"the time; give a faster --speed or a shorter --photo-interval{shorter} (a narrower "
-        "--area, another --heading), or --trigger stop"
+        f"the time; give a higher --speed, a shorter --photo-interval{shorter} (with a narrower "
+        "--area or another --heading), or --trigger stop"
     )
 
 

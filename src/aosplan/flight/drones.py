@@ -55,8 +55,10 @@ AUTOPILOTS = ("px4", "ardupilot", "dji", "autel", "parrot")
 
 _CRUISE = "cruise speed and acceleration assumed"
 _WPML = "waypoints of a mission: WPML specification, DJI Cloud API (indices up to 65,535)"
-_SDK = "waypoints: DJI Mobile SDK 4, DJIWaypointMission (2 to 99), as older Litchi versions fly"
-_FLY = "waypoints: 99 a mission in DJI Fly, which flies it (YLabs-FPV/YMapper, README)"
+_SDK = (
+    "waypoints: DJI Mobile SDK 4, DJIWaypointMission (2 to 99), which older versions of Litchi use"
+)
+_FLY = "waypoints: at most 99 in a mission of DJI Fly, which flies this drone (YLabs-FPV/YMapper, README)"
 
 DRONES: dict[str, DronePreset] = {
     "dji-m3t": DronePreset(
@@ -295,8 +297,8 @@ DRONES: dict[str, DronePreset] = {
         photo_interval_s=2.0,
         mission_formats=("litchi",),
         source=(
-            "Mini 3 Pro specifications, DJI (normal mode); DJI Fly has no waypoint missions for it,"
-            f" Litchi Pilot flies it (YLabs-FPV/YMapper, README); {_SDK}"
+            "Mini 3 Pro specifications, DJI (normal mode); DJI Fly has no waypoint missions for "
+            f"this drone, but Litchi Pilot has (YLabs-FPV/YMapper, README); {_SDK}"
         ),
         assumed=f"{_CRUISE}; Litchi Pilot (a beta version) is assumed to read Litchi's CSV",
     ),
@@ -488,7 +490,7 @@ DRONES: dict[str, DronePreset] = {
         mission_formats=("autel",),
         source=(
             "waypoints and flight time of the EVO Max series: Autel Payload SDK documentation (2 to"
-            " 65,535; 42 min); other values as the EVO Max 4T"
+            " 65,535; 42 min); other values as for the EVO Max 4T"
         ),
         assumed=f"{_CRUISE}; speeds unconfirmed, as for the EVO Max 4T; photo interval as for the "
         "EVO II",
@@ -537,7 +539,7 @@ DRONES: dict[str, DronePreset] = {
         mission_formats=("waypoints", "plan"),
         source=(
             "ArduPilot, libraries/AC_WPNav/AC_WPNav.h (10 m/s, 2.5 m/s², climb 2.5 and descent"
-            " 1.5 m/s); waypoints: what small boards store"
+            " 1.5 m/s); waypoints: the number that small boards can store"
         ),
         assumed="airspeed",
         autopilot="ardupilot",

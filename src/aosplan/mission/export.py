@@ -118,10 +118,10 @@ def render(mission: Mission, chosen: Format) -> bytes:
         own = [form for form in formats().values() if autopilot in form.flown_by]
         whose = f"the drone {mission.settings.drone}" if mission.settings.drone else autopilot
         raise RequestError(
-            f"the format {chosen.title} is not for {whose}",
+            f"the format {chosen.title} cannot be used for {whose}",
             f"write {' or '.join(f'{form.title} ({form.written_as})' for form in own)}"
             if own
-            else "no mission format is for this autopilot; write KML, GeoJSON or CSV",
+            else "aosplan has no mission format for this autopilot; write KML, GeoJSON or CSV",
         )
     write: Callable[[Mission], bytes] = _module(chosen.name).render
     return write(mission)

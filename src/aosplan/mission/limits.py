@@ -54,7 +54,9 @@ def check_flown(mission: Mission, chosen: Format) -> None:
     if chosen.asks_drone and chosen.name not in flown:
         raise RequestError(
             f"the drone {settings.drone} does not fly {chosen.title}",
-            f"it flies {' and '.join(flown)}" if flown else "no format for this drone is known",
+            f"it flies {' and '.join(flown)}"
+            if flown
+            else "aosplan knows no mission format for this drone",
         )
     if settings.trigger not in chosen.triggers:
         raise RequestError(
@@ -162,7 +164,7 @@ def _check(
                 else f"{least:g} to {most:g}"
             )
             raise RequestError(
-                f"the {name} is {value:.6g} {unit}, but {chosen.title} allows only {shown} {unit}",
+                f"the {name} is {value:.6g} {unit}, but {chosen.title} allows {shown} {unit}",
                 hint,
             )
 

@@ -147,9 +147,8 @@ def mavlink_notes(missions: Sequence[Mission], autopilot: str) -> list[str]:
         )
     else:
         home = (
-            "the file contains the height of the home position as "
-            f"{settings.takeoff_ground_m:.1f} m, above "
-            f"{settings.height_datum or 'the datum of the terrain file'}, although the "
+            f"the height of the home position in the file is {settings.takeoff_ground_m:.1f} m "
+            f"above {settings.height_datum or 'the datum of the terrain file'}, although the "
             "format expects the height above sea level"
         )
     found = [f"{home}; the autopilot measures it at take-off, and all other heights are above it"]

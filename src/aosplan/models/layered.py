@@ -316,7 +316,7 @@ def _groups(count: int, reach: int) -> tuple[Floats, Floats]:
     group.
     """
     far = np.unique(np.linspace(0.0, reach, GROUPS).round())
-    # This is the number of ordered pairs at each distance or at a smaller distance.
+    # For each distance: the number of ordered pairs whose distance is at most this large.
     up_to = count + far * (2.0 * count - far - 1.0)
     return far, np.diff(up_to, prepend=0.0)
 

@@ -77,7 +77,7 @@ def margins(
     rise = max(volume.canopy_top_m - focal_height_m, 0.0) / altitude_m
     low, high = -positions.min(axis=0), positions.max(axis=0)
     if perspective:
-        # The plot is convex, so that a ray whose two ends are above the plot stays above it.
+        # The plot is convex, so a ray whose two ends are above the plot stays above it.
         half = 0.5 * np.array(volume.size_m)
         low, high, rise = low - half, high - half, rise / (1.0 - rise)
     # The margins are whole voxels, because all places of a voxel are treated in the same way.
@@ -135,6 +135,7 @@ def counted_part(
 def nothing_inside() -> RequestError:
     """The error if only the interior may be counted, but no place is inside."""
     return RequestError(
-        "--edges interior is not possible, because at least one ray from every place to this grid leaves the plot",
+        "--edges interior is not possible, because from every place, at least one ray to this "
+        "grid leaves the plot",
         "measure a larger plot, plan a smaller grid (--max-aperture), or give --edges wrapped",
     )

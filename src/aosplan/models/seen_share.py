@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 SHARES = (0.01, 0.1, 0.25, 0.5)
-"""Seen shares s. For each of them, the probability that at least s is seen is reported."""
+"""Shares s. For each s, the reported value is the probability that at least s is seen."""
 
 UNSEEN = 0.01
 """Seen share below which almost nothing of a target is seen."""

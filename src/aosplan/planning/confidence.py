@@ -152,7 +152,9 @@ def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:
                 else posed[0].model.predict(solution.pattern, solution.baseline_m)
             )
     except RequestError as error:
-        return f"no prediction is possible for a quarter of the plot: {error.message}"
+        return (
+            f"no prediction is possible for one of the four quarters of the plot: {error.message}"
+        )
     return (
         of_parts(predictions)
         if predictions

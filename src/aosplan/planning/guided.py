@@ -292,11 +292,11 @@ class _Planner:
         samples, reach = len(tour.order), max(candidates.reach_m)
         of = f"of {len(self._cells)} candidates, which are {candidates.step_m:g} m apart"
         if bounds.samples is not None:
-            text = f"the number of positions is given; they are the best {of}"
+            text = f"the number of positions is given; these positions are the best {of}"
         elif self._inputs.within_min is not None:
             text = (
-                f"these are the best positions {of}, for at most {self._inputs.within_min:g} min from "
-                "take-off to landing"
+                f"these are the best positions {of}, for a flight of at most "
+                f"{self._inputs.within_min:g} min from take-off to landing"
             )
         else:
             text = f"these are the best positions {of}; --samples N or --within MIN changes their number"

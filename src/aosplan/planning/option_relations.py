@@ -136,11 +136,13 @@ def _unsearched(given: str, reason: str) -> Relation:
 _READING = " ".join(READING)
 _NO_INVENTORY = "crown_diameter leaf_area_index"
 _CAMERA = "a camera on the command line needs {others}"
-_CAMERA_HINT = "--fov or --focal-length, --sensor-width; --image-width and --image-height"
+_CAMERA_HINT = (
+    "give --fov, or --focal-length and --sensor-width; and --image-width and --image-height"
+)
 _PLACE_HINT = "give --origin LAT,LON too"
 
 RELATIONS = (
-    # Two ways to give the same thing.
+    # Options that are alternatives, because they give the same quantity.
     _same("altitude gsd target_size"),
     _against("altitude gsd", "target_pixels"),
     _same("vhat visibility"),

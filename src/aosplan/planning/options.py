@@ -155,9 +155,9 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("min_height", parse.height, "number", "M",
          "Point cloud: height above ground below which points are ignored.  [default]"),
         ("units", parse.length_units, "text", "UNIT",
-         "Unit of a point cloud's coordinates or a canopy raster's heights, instead of the "
-         "unit in the file: m, ft, us-ft.  If z has another unit than x and y: two units, such "
-         "as us-ft,m.  With imperial, tables show feet and acres."),
+         "Unit of the coordinates of a point cloud, or of the heights of a canopy raster, instead "
+         "of the unit in the file: m, ft, us-ft.  If z has another unit than x and y: two units, "
+         "such as us-ft,m.  With imperial units, tables show feet and acres."),
         ("crop", q.word, "text", "WHERE",
          "Point cloud: part to use, as W,S,E,N in its coordinates or in degrees, a GeoJSON "
          "file, or all.  [around --area or --origin]"),
@@ -290,7 +290,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("exposure_time", parse.seconds, "number", "S",
          "Exposure time, for --trigger distance.  [default]"),
         ("photo_interval", parse.seconds, "number", "S",
-         "Shortest time between two photos that the camera needs.  [the drone's]"),
+         "Shortest time that the camera needs between two photos.  [the drone's]"),
         ("wind_speed", parse.wind_speed, "number", "M/S",
          "Wind speed; needs --wind-from."),
         ("wind_from", parse.direction, "number", "DEG",

@@ -200,8 +200,8 @@ def detection_warnings(detection: Detection, inputs: PlanInputs, samples: int) -
         yield Message(
             "target_below_pixel",
             f"a pixel is {gsd_m:.2g} m wide on the ground, and the target is {width:g} m "
-            "wide, so fewer than two pixels show it; the prediction assumes a sharp image, "
-            "so fly lower or use a longer lens",
+            "wide, so the target is less than two pixels wide; the prediction assumes a sharp "
+            "image; fly lower, or use a longer lens",
         )
     if samples < FEWEST_PHOTOS:
         yield Message(
@@ -213,8 +213,8 @@ def detection_warnings(detection: Detection, inputs: PlanInputs, samples: int) -
     if inputs.model == "measured" and volume is not None and max(volume.size_m) > WIDE_M:
         yield Message(
             "detection_of_a_part",
-            f"the detection is counted on a part of the plot of about {COUNTED_M:g} x "
-            f"{COUNTED_M:g} m, whose share of hidden ground is nearest to that of the plot",
+            f"the detection is counted on a part of the plot, about {COUNTED_M:g} x {COUNTED_M:g} "
+            "m; it is the part whose share of hidden ground is nearest to that of the whole plot",
         )
     if detection.signature.crown_share > MOST_CROWN_SHARE:
         yield Message(

@@ -174,8 +174,8 @@ def _pixels(plan: Plan) -> Iterator[Message]:
         yield Message(
             "occluder_below_pixel",
             f"an occluder of {size:.3g} m at {height:.3g} m covers "
-            f"{focal * size / (plan.altitude_m - height):.2g} pixels, so it is treated as "
-            f"one pixel large; photos resolve it below an altitude of {resolved:.4g} m, or "
+            f"{focal * size / (plan.altitude_m - height):.2g} pixels, so it is treated as if it "
+            f"were one pixel wide; photos resolve it below an altitude of {resolved:.4g} m, or "
             "with a longer lens",
         )
     if plan.solution.pattern.samples == 1:
@@ -204,7 +204,7 @@ def _oblique_rays(plan: Plan) -> Iterator[Message]:
         angle = math.degrees(math.atan2(math.hypot(x, y), 2.0 * plan.altitude_m))
         yield Message(
             "oblique_rays",
-            f"the outer photos look {angle:.0f}° off nadir and cross more foliage: p is "
+            f"the outer photos look {angle:.0f}° off nadir, so their rays cross more foliage: p is "
             f"about {slanted:.3g} on average, not {density:.3g}; --rays oblique includes "
             "this effect",
         )
@@ -218,8 +218,9 @@ def _thick_layers(plan: Plan) -> Iterator[Message]:
         worst = max(thick, key=lambda layer: layer.top_m - layer.bottom_m)
         yield Message(
             "thick_layer",
-            f"{len(thick)} layers are much thicker than their occluders (up to "
-            f"{worst.top_m - worst.bottom_m:.3g} m for {worst.occluder_size_m:.3g} m); each "
+            f"layers are much thicker than their occluders (number of such layers: {len(thick)}; "
+            f"the thickest is {worst.top_m - worst.bottom_m:.3g} m thick, with occluders of "
+            f"{worst.occluder_size_m:.3g} m); each "
             "layer is treated as if it were at its middle height, so thinner layers give a "
             "better prediction",
         )
@@ -326,7 +327,7 @@ def measured_warnings(solved: SolvedPlan, *, compares_headings: bool) -> Iterato
             f"the plot is too small for a grid of {extent_m:.4g} m, so the same trees are counted "
             "twice: from the first photo to the last, the top of the canopy moves by "
             f"{shear_m:.2g} of the width of the plot at an altitude of {inputs.altitude_m:.4g} m, "
-            "and one half is the limit; give --max-aperture "
+            "but it may move by at most one half; give --max-aperture "
             f"{problem.model.independent_baseline_m:.4g}, or measure a larger plot",
         )
     if not compares_headings and (word := other_heading(Alternative(problem, solution))):

@@ -289,7 +289,7 @@ class WithinSearch:
                     f"within {longest_s / 60.0:.4g} min, from take-off to landing",
                     f"--within {minutes} is enough",
                 )
-        message = "no plan satisfies the given options, in whatever time"
+        message = "no plan satisfies the given options, however long the flight may take"
         reason = self.levels[0].reason
         if reason is not None:
             return InfeasibleError(f"{message}: {reason.message}", reason.hint)

@@ -272,8 +272,8 @@ class AltitudeSearch:
                 found = self._fitting_flights(candidates, longest_s, tries, over)
                 if found:
                     return self._polished(self._preferred(candidates, found), longest_s)
-            # Flights take longer than the lower bounds, because of no-fly zones, terrain or gaps in
-            # the area. The next round therefore searches with a shorter time.
+            # No-fly zones, terrain or gaps in the area make the flights longer than the lower
+            # bounds. The next round therefore searches with a shorter time.
             allowed_s /= max(min(over, default=1.0), 1.02)
         return None
 

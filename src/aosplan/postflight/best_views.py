@@ -108,7 +108,7 @@ def check_count(count: int, samples: int) -> None:
         )
     if count > MOST_VIEWS:
         raise RequestError(
-            f"{count} photos are too many; the choice is possible from at most {MOST_VIEWS}",
+            f"{count} photos are too many; aosplan can choose from at most {MOST_VIEWS} photos",
             "leave out every other photo, or divide the recording",
         )
 

@@ -196,7 +196,7 @@ def _passed(
     count = math.floor((gone_m + length) / spacing_m + AT_END)
     if count > MOST_SITES:
         raise RequestError(
-            f"a trigger every {spacing_m:g} m takes {count:,} photos on one leg of {length:.4g} m"
+            f"a photo every {spacing_m:g} m would be {count:,} photos on one leg of {length:.4g} m"
         )
     turn = math.remainder(stop.longitude - start.longitude, 360.0)
     photos = []

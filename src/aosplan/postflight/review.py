@@ -441,8 +441,8 @@ def _of_origin(planned: Plan, flown: str, alike: int) -> Message:
     where = f"so that most of its sites have a photo, {flown}"
     if alike > 1:
         where += (
-            f" (at {alike} positions, equally many sites have a photo; this one fits the first "
-            "sites)"
+            f" (there are {alike} positions at which equally many sites have a photo; this "
+            "position fits the first sites)"
         )
     return Message(
         "origin_assumed",

@@ -135,5 +135,5 @@ class _Reader:
     def _site(self) -> None:
         pair = self.texts.get("coordinates", "").split(",")
         if len(pair) < 2:
-            raise RequestError(f"'{self.path}', waypoint {len(self.sites)}: has no coordinates")
+            raise RequestError(f"'{self.path}': waypoint {len(self.sites)} has no coordinates")
         self.sites.append((pair[1], pair[0], self.texts.get("executeHeight")))

@@ -167,7 +167,7 @@ def integral_range(mask: NDArray[np.bool_]) -> float:
         return float(min(mask.shape))
     if mask.size > FEW_CELLS and min(mask.shape) >= WINDOW_BLOCKS * MOST_BLOCK:
         return _sampled_range(mask, density)
-    # It is twice as fast as numpy.fft, which matters for the many slices of a stand.
+    # scipy.fft is twice as fast as numpy.fft, which matters because a stand has many slices.
     from scipy import fft
 
     area, _ = correlation_range(mask.astype(np.float32) - np.float32(density), fft)

@@ -297,12 +297,12 @@ class Occlusion:
         if tiles is None or not tiles.hold(row, rows, steps):
             tiles = self._tiles_for(row, rows, width, steps)
         steps -= tiles.lows[:, np.newaxis, np.newaxis]
-        # Whole plots can be left out of a shift, because the plot is periodic.
+        # The plot is periodic, so a shift by a whole plot changes nothing and is left out.
         steps %= self._plot[::-1]
         stride = tiles.stride
         places = (steps[..., 0] // 8 * stride + steps[..., 1]) * 8 + steps[..., 0] % 8
-        # A search asks for a few views at a time. They are usually between the views of its first
-        # grids, so that the tiles can be used again.
+        # A search asks for a few views at a time. These views are usually between the views of its
+        # first grids, so the tiles can be used again.
         kept = len(self._filled) * 8 * tiles.octets * stride <= OCTETS_KEPT
         self._tiles = tiles if kept else None
         together = max((OCTETS_IN_CACHE if kept else OCTETS_AT_ONCE) // (width * stride), 1)

@@ -70,7 +70,7 @@ class SampledOcclusion:
         _, rows, columns = volume.occupied.shape
         self._plot = rows, columns
         step = math.isqrt(max(LATTICES * rows * columns // sample, 1))
-        # If the step is 2, it need not be odd, because the lattices together contain all voxels.
+        # The step has to be odd, except if it is 2, because the lattices then contain all voxels.
         self._step = step if step == 2 else step - 1 + step % 2
         row, column = np.divmod(np.arange(LATTICES), ABREAST)
         # For each lattice, along x and y: the position within a voxel [targets], and the first
@@ -228,7 +228,7 @@ class SampledOcclusion:
         places += self._first[lattice]
         lows = places.min(axis=(1, 2, 3))
         places -= lows[:, np.newaxis, np.newaxis, np.newaxis]
-        # Shifts by whole plots can be left out, because the plot is periodic.
+        # The plot is periodic, so a shift by a whole plot changes nothing and is left out.
         places %= self._plot[::-1]
         return places, lows, places.max(axis=(0, 1, 2, 3))
 

@@ -130,8 +130,8 @@ class UniformScene:
             count = min(count, most)
         if count > MOST_SLICES:
             raise RequestError(
-                f"scene '{self.name}' has {count} slices of its occluders' size, more than "
-                f"{MOST_SLICES}",
+                f"scene '{self.name}' would be divided into {count} slices as thick as its "
+                f"occluders, more than {MOST_SLICES}",
                 "give a larger --occluder-size, or --model uniform",
             )
         thickness = self.volume_height_m / count

@@ -214,7 +214,7 @@ def _least_aperture_or_none(problem: Problem) -> Solution | None:
             widest = min(widest, least / frame.longer_side)
         if problem.meets(densest, widest):
             baseline = problem.smallest_baseline_m(densest)
-            # It meets the target at `widest`, so there is such a baseline.
+            # The pattern meets the target at `widest`, so a smallest baseline exists.
             assert baseline is not None
             least = min(least, baseline * frame.longer_side)
     if math.isinf(least):

@@ -153,7 +153,8 @@ def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:
             raise RequestError(
                 f"{named.option} '{named.value}' is a file of the current folder, which workers do "
                 "not share",
-                "put this file into the folder of the sweep's file, or give its full path",
+                "put this file into the folder that contains the sweep's file, or give its full "
+                "path",
             )
     return tuple((file, os.path.getsize(file)) for file in sorted(files))
 
@@ -186,7 +187,7 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
         reason = (error.strerror or str(error)).lower()
         raise SurroundingsError(
             f"{_place()} cannot write '{error.filename or task.path}': {reason}",
-            f"when it can be written, {RESUME}",
+            f"make sure that the worker can write there; {RESUME}",
         ) from None
 
 
@@ -199,7 +200,7 @@ def _begin(_folder: str, files: tuple[tuple[str, int], ...]) -> None:
     for file, size in files:
         if not os.path.isfile(file) or os.path.getsize(file) != size:
             raise SurroundingsError(
-                f"{_place()} does not see the file '{file}' as this machine does",
+                f"{_place()} does not have the file '{file}', or has another file with this path",
                 "give files of scenarios with a path that all workers see under the same name",
             )
 
@@ -293,7 +294,8 @@ async def _ask(address: str) -> None:
         ) from error
     if answer.get("type") != "Scheduler":
         raise RequestError(
-            f"at '{address}' is not a scheduler but a {str(answer.get('type')).lower()}",
+            f"the process at '{address}' is not a scheduler, but a "
+            f"{str(answer.get('type')).lower()}",
             "give the address that `dask scheduler` prints",
         )
 

@@ -125,9 +125,9 @@ def _run(
             f"cannot write '{error.filename or out}': {(error.strerror or str(error)).lower()}",
             "finished parts are kept; "
             + (
-                "close the program that has it open, then --resume"
+                "close the program that has it open, then run the sweep again with --resume"
                 if is_locked(error)
-                else "free some space, then --resume"
+                else "free some space, then run the sweep again with --resume"
             ),
         ) from None
     parts.remove()

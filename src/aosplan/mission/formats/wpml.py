@@ -237,9 +237,8 @@ def reference_notes(missions: Sequence[Mission]) -> list[str]:
     if not _has_reference(settings):
         return []
     return [
-        "the reference point of the take-off has the height of the terrain file above the "
-        f"ellipsoid, {settings.takeoff_ground_m:.1f} m; all other heights are above the "
-        "take-off"
+        f"the height of the take-off reference point is {settings.takeoff_ground_m:.1f} m above "
+        "the ellipsoid, as in the terrain file; all other heights are above the take-off"
     ]
 
 

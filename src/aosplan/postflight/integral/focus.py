@@ -338,7 +338,7 @@ class _Search:
             raise RequestError(f"--focus {low:g}..{high:g} is empty", "give the lower height first")
         if not high < self.camera_m:
             raise RequestError(
-                f"--focus reaches {high:g} m, and the cameras are at {self.camera_m:.4g} m",
+                f"--focus reaches {high:g} m, but the cameras are only at {self.camera_m:.4g} m",
                 "heights are measured along the upward axis of the world",
             )
         extent = float(np.hypot(*np.ptp(self._positions, axis=0)))

@@ -164,7 +164,8 @@ class ImageFolder:
             return os.path.join(self.path, alike[0])
         if alike:
             raise RequestError(
-                f"image '{name}' is not in '{self.path}', but {' and '.join(alike[:3])} are",
+                f"image '{name}' is not in '{self.path}', but the folder contains "
+                f"{' and '.join(alike[:3])}",
                 "leave only one of them in the folder",
             )
         raise RequestError(

@@ -146,8 +146,8 @@ def read_source(source: ViewSource, bands: int | None, block_px: int = 1) -> Pic
     if picture.size != wanted:
         width, height = image_size(source.path)
         raise RequestError(
-            f"image '{source.path}' has {width} x {height} pixels, "
-            f"its camera {source.intrinsics.width_px} x {source.intrinsics.height_px}",
+            f"image '{source.path}' has {width} x {height} pixels, but its camera has "
+            f"{source.intrinsics.width_px} x {source.intrinsics.height_px}",
             "all images of a camera must have the same size",
         )
     if bands is not None and picture.pixels.shape[2] != bands:

@@ -175,7 +175,7 @@ def _of_band(
     chosen = {name: tags[name] for name, kind in kinds.items() if kind in wanted}
     if not chosen:
         raise RequestError(
-            f"--band {band}: folder '{folder}' contains no such photo",
+            f"--band {band}: folder '{folder}' contains no photo of this kind",
             f"it contains {', '.join(there)}"
             if there
             else "the photos in the folder do not name their camera",

@@ -217,8 +217,9 @@ def _heights(
         return sea - sea.mean() + plan.altitude_m, [
             Message(
                 "altitudes",
-                "the photos have only heights above sea level, so their differences are used "
-                f"together with a mean height of {plan.altitude_m:g} m",
+                "the photos have only heights above sea level, so only the differences between "
+                "these heights are used, and the mean height is assumed to be "
+                f"{plan.altitude_m:g} m",
             )
         ]
     return np.full(len(relative), plan.altitude_m), [

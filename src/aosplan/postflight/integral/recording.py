@@ -302,8 +302,9 @@ def _fitted(view: View, path: str) -> Intrinsics:
     width, height = image_size(path)
     if abs(width * own.height_px - height * own.width_px) > max(own.width_px, own.height_px):
         raise RequestError(
-            f"image '{path}' has {width} x {height} pixels, its photo {own.width_px} x {own.height_px}",
-            "a scaled photo is possible, but not a part of a photo",
+            f"image '{path}' has {width} x {height} pixels, but its photo has {own.width_px} x "
+            f"{own.height_px}",
+            "an image may be a scaled photo, but not a part of a photo",
         )
     return own.scaled(width, height)
 

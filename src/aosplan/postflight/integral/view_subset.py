@@ -60,7 +60,7 @@ def read_view_subset(text: str, name: str) -> ViewSubset:
         if not equals or key not in PARTS or key in given:
             raise RequestError(
                 f"{name} {shown(text)}: {shown(part)} is not one of "
-                f"{', '.join(f'{known}=…' for known in PARTS)}, each once",
+                f"{', '.join(f'{known}=…' for known in PARTS)}, or is given twice",
                 nearest_hint(key, PARTS) or "give these parts, or only all",
             )
         given[key] = value

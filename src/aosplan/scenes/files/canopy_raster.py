@@ -242,12 +242,12 @@ def _metres(
     if lengths_m != (across_m, across_m):
         message = (
             f"cells of {path} are {lengths_m[0] / across_m:.4g} (x) and "
-            f"{lengths_m[1] / across_m:.4g} (y) times as long on the ground as in its "
-            "projection, so they were scaled by these factors"
+            f"{lengths_m[1] / across_m:.4g} (y) times as long on the ground as in the projection, "
+            "so the cells were scaled by these factors"
         )
         doubts.append(("projection_scaled", message))
     if given.across_m is None and not are_same(across_m, 1.0):
-        message = f"{path} is in {unit_text(across_m)} across: its cells were converted to metres"
+        message = f"{path} has x and y in {unit_text(across_m)}: its cells were converted to metres"
         doubts.append(("units_converted", message))
     if given.up_m is None and not are_same(up_m, 1.0):
         message = f"{path} has heights in {unit_text(up_m)}: they were converted to metres"
@@ -262,7 +262,11 @@ def _without_data(tops: Floats, nodata: float | None, up_m: float) -> list[tuple
         return []
     value = float(tops[strange].min()) / up_m
     tops[strange] = np.nan
-    tagged = "has no value for missing data" if nodata is None else f"names {nodata:g}"
+    tagged = (
+        "has no value for missing data"
+        if nodata is None
+        else f"has another value for missing data, {nodata:g}"
+    )
     message = (
         f"{float(strange.mean()):.1%} of the heights are as low as {value:.6g}, and the "
         f"raster {tagged}: these heights are treated as missing"

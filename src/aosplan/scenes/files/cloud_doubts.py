@@ -38,7 +38,7 @@ def cloud_doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Itera
     if covered < FULL_FOOTPRINT:
         message = (
             f"the points cover {covered:.0%} of their bounding rectangle, and the rest is "
-            f"treated as open ground, so p = {occupancy:.3g}, but "
+            f"treated as open ground; p is {occupancy:.3g} for the whole rectangle, but "
             f"{min(occupancy / covered, 1.0):.3g} in the part with points; crop a rectangle "
             "from the cloud"
             if occupancy
@@ -56,7 +56,7 @@ def pulse_doubts(volume: VoxelVolume, opacity: Opacity, *, later_returns: bool) 
     if volume.points_per_m2 < SPARSE_POINTS_PER_M2:
         message = (
             f"{density:.3g} pulses per m² do not resolve the gaps in crowns, so V̂ is too high by "
-            "about its ±; V is more reliable"
+            "about its standard error (±); V is more reliable"
         )
         yield "sparse_cloud", message
     if not later_returns:
@@ -105,5 +105,5 @@ def opacity_doubts(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
             f"canopy cannot be measured; give a --voxel that is smaller than {voxel_m:g} m"
         )
         if spacing_m < voxel_m:
-            message += f", of {rounded_up(spacing_m, 2)} m or more for points this dense"
+            message += f", but not below {rounded_up(spacing_m, 2)} m, which fits the density of the points"
         yield "saturated", message

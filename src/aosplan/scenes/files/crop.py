@@ -158,8 +158,8 @@ def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> CropBox | Non
     said = []
     if crop.of_plan:
         message = (
-            f"only a part of the point cloud is used, which is the {size[0]:.0f} x "
-            f"{size[1]:.0f} m around the plan ({in_units}); --crop all uses the whole cloud"
+            f"only the part of the point cloud around the plan is used, {size[0]:.0f} x "
+            f"{size[1]:.0f} m ({in_units}); --crop all uses the whole cloud"
         )
         said = [("cropped_to_plan", message)]
     error = RequestError(

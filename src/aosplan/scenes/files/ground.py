@@ -40,7 +40,7 @@ class _Cells:
 
     def __init__(self, size_m: Floats, most: int, least_edge_m: float = 0.0) -> None:
         width, depth = float(size_m[0]), float(size_m[1])
-        # The third value limits the number of cells of a long and narrow plot.
+        # The third argument of max limits the number of cells along a long and narrow plot.
         self.edge_m = max(
             least_edge_m, math.sqrt(width * depth / most), max(width, depth) / most, 1e-6
         )

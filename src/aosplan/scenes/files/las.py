@@ -277,7 +277,8 @@ def _check_sizes(stream: IO[bytes], name: str) -> tuple[int, list[Warned]]:
     compressed, layout = kind >= 64, kind % 64
     if layout > LAST_POINT_FORMAT:
         raise RequestError(
-            f"point cloud {name} has point format {layout}; LAS has 0 to {LAST_POINT_FORMAT}"
+            f"point cloud {name} has point format {layout}; LAS defines only 0 to "
+            f"{LAST_POINT_FORMAT}"
         )
     if count == 0:
         raise RequestError(f"point cloud {name} contains no points")

@@ -277,8 +277,8 @@ def _agreed(
     if by_key and by_system and not are_same(by_key, by_system):
         raise _unknown_unit(
             what,
-            f"{axes} are in {unit_text(by_key)} by its GeoTIFF key {keys[0]} and in "
-            f"{unit_text(by_system)} by key {keys[1]}",
+            f"{axes} are in {unit_text(by_key)} according to its GeoTIFF key {keys[0]}, but in "
+            f"{unit_text(by_system)} according to key {keys[1]}",
         )
     return by_key or by_system
 

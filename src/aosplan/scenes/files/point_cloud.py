@@ -316,8 +316,9 @@ def _voxel_for(cloud: Spool) -> tuple[float, list[Warned]]:
         return DEFAULT_VOXEL_M, []
     voxel_m = math.ceil(20.0 * (volume_m3 / USUAL_VOXELS) ** (1.0 / 3.0) - 1e-9) / 20.0
     message = (
-        f"voxels of {voxel_m:g} m are used instead of {DEFAULT_VOXEL_M:g} m, because the plot is "
-        f"{width_m:.4g} x {depth_m:.4g} m: give --crop to read a part of it, or --voxel"
+        f"voxels of {voxel_m:g} m are used instead of {DEFAULT_VOXEL_M:g} m, because the plot of "
+        f"{width_m:.4g} x {depth_m:.4g} m is large: give --crop to read a part of it, or give "
+        "--voxel"
     )
     return voxel_m, [("voxels_enlarged", message)]
 

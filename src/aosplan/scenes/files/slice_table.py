@@ -52,7 +52,7 @@ def read_slices(path: str) -> LayeredScene:
             row = _as_long_as(header, cells)
             if len(row) != len(header):
                 raise RequestError(
-                    f"'{path}' line {rows.line_num} has {len(row)} cells, and the header "
+                    f"'{path}' line {rows.line_num} has {len(row)} cells, but the header has "
                     f"{len(header)}",
                     "separate columns by commas, and use decimal points",
                 )

@@ -68,8 +68,8 @@ def brought_together(files: Sequence[PointFile], source: str) -> list[Warned]:
     silent = [file.name for file in files if file.reference.horizontal is None]
     if silent:
         message = (
-            f"{silent[0]}{_and_more(silent)} has no coordinate reference system, so that of "
-            f"{first.name}, {crs.name}, is assumed"
+            f"{silent[0]}{_and_more(silent)} has no coordinate reference system; the system of "
+            f"{first.name} is assumed, which is {crs.name}"
         )
         doubts.append(("crs_assumed", message))
     for file in files:

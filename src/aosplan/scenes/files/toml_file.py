@@ -179,7 +179,7 @@ def _lacking(path: str, what: str) -> RequestError:
     return RequestError(
         f"scene file '{path}' lacks {what}",
         "a uniform scene has density, occluder_size_m, volume_base_m and volume_height_m; a "
-        f"layered one [[layers]]; an inventory {', '.join(STEMS)}, volume_base_m and "
+        f"layered scene has [[layers]]; an inventory has {', '.join(STEMS)}, volume_base_m and "
         "volume_height_m",
     )
 

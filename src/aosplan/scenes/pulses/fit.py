@@ -345,8 +345,8 @@ def sound_beams(
     least = max(FEWEST_PULSES, FEWEST_A_M2 * area_m2 * share)
     if len(beams.pulses) < least:
         raise UnsoundPulsesError(
-            f"{len(beams.pulses)} complete pulses reach the ground of the plot, which is "
-            f"fewer than {least:.0f}"
+            f"only {len(beams.pulses)} complete pulses reach the ground of the plot, but at least "
+            f"{least:.0f} are needed"
         )
     inside = grid.inside(returns.xyz_m)
     top_m = float(heights[inside].max(initial=grid.cut_m))

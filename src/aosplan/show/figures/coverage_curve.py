@@ -54,10 +54,10 @@ class BaselineCurve(NamedTuple):
             if there is not None:
                 text += f"; {share:.0%} at {there:.3g}"
         if self.ratio is None:
-            return f"{text}. No baseline reaches the required {self.coverage:.4g}."
-        text += f". The required {self.coverage:.4g} takes b/h = {self.ratio:.4g}"
+            return f"{text}. No baseline reaches the required share of {self.coverage:.4g}."
+        text += f". The required share of {self.coverage:.4g} is reached at b/h = {self.ratio:.4g}"
         if self.altitude_m is not None:
-            text += f", {self.ratio * self.altitude_m:.3g} m from {self.altitude_m:g} m"
+            text += f", which is a baseline of {self.ratio * self.altitude_m:.3g} m from {self.altitude_m:g} m"
         return f"{text}."
 
     def document(self) -> dict[str, Any]:

@@ -82,7 +82,7 @@ def tradeoff_of(plan: Plan) -> TradeoffFigure:
         If there are no occluders.
     """
     rows = plan.tradeoff()
-    # There is a problem, because `tradeoff` has raised an error if there are no occluders.
+    # `problem` is None only if there are no occluders, and then `tradeoff` has raised an error.
     assert plan.problem is not None
     return TradeoffFigure(
         scene=plan.scene.title or plan.scene.name,

@@ -63,8 +63,8 @@ def profile_of(plan: Plan) -> Profile | None:
         title=f"Heights above {route.datum} [m], by distance along the path [m]",
         summary=(
             f"The ground at the waypoints lies between {min(ways.ground_m):.1f} and "
-            f"{max(ways.ground_m):.1f} m, the canopy's top {plan.scene.canopy_top_m:.1f} m above "
-            f"it; the flight is {min(ways.altitude_m):.1f} m above it."
+            f"{max(ways.ground_m):.1f} m. The canopy's top is {plan.scene.canopy_top_m:.1f} m "
+            f"above the ground, and the flight is {min(ways.altitude_m):.1f} m above the ground."
         ),
         x_ticks=[Tick(x(value), f"{value:,.4g}") for value in ticks(0.0, end)],
         y_ticks=[Tick(y(value - low), f"{value:,.5g}") for value in ticks(low, high)],

@@ -160,8 +160,9 @@ def coverage_picture(coverage: CoverageMap) -> bytes:
     height = unit * rows + LEGEND
     known = coverage.document()
     title = (
-        f"Photos that see each place, of those planned: {known['flown_photos']:.3g} of "
-        f"{known['planned_photos']:.3g} on average; {known['gap_share']:.1%} of the area are gaps"
+        "Number of photos that see each place, compared with the plan: "
+        f"{known['flown_photos']:.3g} of {known['planned_photos']:.3g} on average; "
+        f"{known['gap_share']:.1%} of the area are gaps"
     )
     bar_m = nice_length_m(max(rows, columns) * cells.cell_m)
     parts = [

@@ -151,7 +151,7 @@ def print_verification(document: Mapping[str, Any]) -> None:
     if document["strata_left_out"]:
         show(
             one_line(
-                "Smallest and largest values that are not simulated, because they have too few rows: "
+                "Values that are not simulated, because the sample has too few rows: "
                 f"{', '.join(document['strata_left_out'])}"
             )
         )

@@ -117,7 +117,7 @@ def agreement(what: str, errors: Sequence[float]) -> str:
     near = sum(each < 2.0 for each in away)
     return (
         f"{what}: {near} of {len(away)} simulated points are within 2 standard errors of the "
-        f"model, the farthest is at {max(away):.1f}."
+        f"model; the farthest is {max(away):.1f} standard errors away."
     )
 
 
