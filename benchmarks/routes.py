@@ -6,8 +6,8 @@
 It plans routes over square grids with sites 2.8 m apart. For each kind of route, it prints the
 microseconds per site, and this time divided by the time for the positions alone. It also prints the
 growth k: compared with the previous grid, the time has increased as sites^k. The terrain is a
-raster of hills with pixels of 1 m, written to a temporary folder. Times are medians of runs in one
-process, without imports.
+raster of hills with pixels of 1 m, written to a temporary folder. Times are medians of several runs
+in one process, and do not include imports.
 
 It writes benchmarks/results/routes.csv.
 """

@@ -253,7 +253,7 @@ def test_any_grid_anywhere_has_its_baseline_on_the_ground(
     latitude, longitude, heading, samples, baseline, kind
 ):
     if kind == "line":
-        samples = min(samples, 10)  # This limits grids to about 2 km.
+        samples = min(samples, 10)  # This limits the length of lines to about 2 km.
     sites = grid_at((latitude, longitude), samples, baseline, heading, kind)
     for one, other in neighbours(sites):
         assert distance_m(sites[one], sites[other]) == pytest.approx(

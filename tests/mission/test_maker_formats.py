@@ -160,7 +160,7 @@ def test_parrot_items_follow_the_documentation_of_the_anafi(mission):
     for row in rows:
         if row[3] == 16:
             assert row[4] == 0  # This value is ignored, because holds are written as delays.
-            assert row[5] > 0  # With 0, 5 m would be used.
+            assert row[5] > 0  # With a radius of 0, the drone would use 5 m.
             assert 0 <= row[7] < 360
     assert [row[4:11] for row in rows if row[3] == 205] == [[-90, 0, 0, 0, 0, 0, 2]]
 

@@ -77,7 +77,8 @@ def test_moving_place_and_stand_together_changes_no_prediction():
     cameras = np.random.default_rng(4).uniform(-5.0, 5.0, (20, 2))
     here = PlaceViews(stand, ALTITUDE_M, disc(1.5)).hidden(cameras)
     there = PlaceViews(moved, ALTITUDE_M, disc(1.5, by)).hidden(cameras + by)
-    assert (here == there).mean() > 0.999  # Positions on a face may be rounded to either side.
+    # A position on the face of a cube may be rounded to either side.
+    assert (here == there).mean() > 0.999
 
 
 def test_the_prediction_counts_joint_occlusion():

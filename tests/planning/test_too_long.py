@@ -29,7 +29,7 @@ def test_each_remedy_of_a_long_line_is_enough_by_its_number():
     enough = plan(PlanRequest(**(LINE | {"flight_time": 1.001 * takes})))
     assert len(enough.route.flights) == 1
     assert refused(flight_time=0.999 * takes).hint
-    # A line of this length, including run-in, run-out and its last photo.
+    # The stated length of the line includes the run-in, the run-out and the last photo.
     around = 2.0 * enough.route.timing.run_in_m + enough.solution.baseline_m
     shorter = plan(PlanRequest(**(LINE | {"line_length": longest - around})))
     assert max(flight.time_s for flight in shorter.route.flights) <= 300.0
@@ -48,7 +48,7 @@ def test_the_hint_for_a_long_line_gives_the_transit_time():
     )
     assert level == pytest.approx(1112.0, abs=900.0)
     assert speed == 10.0
-    # Two paths of this length at this speed, plus a climb and a descent.
+    # This is the time for two paths of length `level` at `speed`, plus a climb and a descent.
     assert minutes * 60.0 >= 2.0 * (level - 900.0) / speed
     assert minutes * 60.0 <= 2.0 * (level / speed + speed / 2.0 + 60.0 / 6.0 + 3.0)
 

@@ -38,7 +38,8 @@ def file_of(folder, mission, name):
 @given(mission=missions)
 @settings(max_examples=20)
 def test_places_read_back_are_the_sites_with_photos(tmp_path_factory, name, mission):
-    # Photos while flying are computed from the ends of their lines. The next test checks these.
+    # For photos while flying, positions are computed from the ends of the lines. The next test
+    # checks such photos.
     mission = mission._replace(settings=mission.settings._replace(trigger="stop"))
     path = file_of(tmp_path_factory.mktemp("places"), mission, name)
     found = read_places(path)

@@ -65,7 +65,8 @@ def test_all_places_within_voxels_have_equal_weight():
     sampled = SampledOcclusion(Occlusion(random_volume(60, 60), 12.0), random_volume(60, 60), 100)
     for places in (sampled._within, sampled._first):
         assert len({tuple(place) for place in places.tolist()}) == LATTICES
-    # The first voxel of a lattice is not correlated with the place of its targets in their voxels.
+    # The place of a lattice's first voxel is not correlated with the places of its targets in their
+    # voxels.
     ranks = np.unique(sampled._first, return_inverse=True)[1].reshape(LATTICES, 2)
     for first, within in itertools.product(ranks.T, sampled._within.T):
         pairs = np.unique(np.column_stack([first, within]), axis=0, return_counts=True)
@@ -123,8 +124,8 @@ def test_targets_in_a_window_and_cells(per_voxel, window):
     np.testing.assert_array_equal(bits, sampled_bits(sampled, masks) * which)
     if inside is not None:
         assert sampled.targets_in(inside) == which.sum() == popcount(mask)
-    # Cells have one target of each lattice. If the targets of a cell are sorted by their place in
-    # the cell, they are in the order of the lattices.
+    # Each cell contains one target of each lattice. If the targets of a cell are sorted by their
+    # place in the cell, they are in the order of the lattices.
     cells = sampled.unpack(masks, inside)
     size = sampled._step * per_voxel
     first = -(-row // size), -(-column // size)

@@ -155,7 +155,9 @@ TWO_SLICES = LayeredModel([Layer(2.0, 2.0, 0.2, 0.5), Layer(8.0, 8.0, 0.2, 0.5)]
 def test_the_least_time_is_found_where_few_samples_need_a_smaller_extent_than_many(
     model, grid, target, timing
 ):
-    """A dense grid needs a larger extent than a sparse grid whose samples are all at its rim."""
+    """For the same target, a dense grid needs a larger extent than a sparse grid whose samples are
+    all at its rim.
+    """
     problem = Problem(model, vhat(target), GridKind(grid), objective="time", timing=timing)
     candidates = enumerate_baselines(problem, 60)
     least = min(flight_time(problem, *candidate) for candidate in candidates)
