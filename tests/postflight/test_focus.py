@@ -333,7 +333,7 @@ def recording_paths(tmp_path_factory):
         (["--focus", "x"], "--focus"),
         (["--focus", "1..2..3"], "not a range"),
         (["--focus", "5..1"], "empty"),
-        (["--focus", "0..50"], "cameras are at 40"),
+        (["--focus", "0..50"], "cameras are only at 40"),
         (["--focus", "0..1e300"], "more than 1e+09 m from the origin"),
         (["--focus", "3", "--focal-height", "2"], "both"),
         (["--focus", "auto", "--align", "x"], "--align 'x'"),

@@ -305,7 +305,7 @@ CHANGES = {
     "focal length": lambda d: d["camera"].update(fx=0),
     "exactly the names": lambda d: d["camera"].pop("cx"),
     "width": lambda d: d["camera"].update(width=1.5),
-    "its camera 100 x 120": lambda d: d["camera"].update(width=100),
+    "its camera has 100 x 120": lambda d: d["camera"].update(width=100),
     "image '../000.tif' is outside the folder": lambda d: d["images"][0].update(
         imagefile="../000.tif"
     ),
@@ -321,7 +321,7 @@ def test_wrong_poses_are_refused(command, recorded, folder, part):
 
 
 BEYOND_A_SCHEMA = {"not a rotation", "rotation", "not a finite number", "from the origin", "given twice",
-                   "its camera 100 x 120", "image '../000.tif' is outside the folder", "zero"}  # fmt: skip
+                   "its camera has 100 x 120", "image '../000.tif' is outside the folder", "zero"}  # fmt: skip
 
 
 @pytest.mark.parametrize("part", CHANGES)

@@ -427,7 +427,8 @@ def _simplified(shape: Any, *, outward: bool) -> tuple[Any, float]:
             return polygons_of(safe), (1.0 + 1.03) * tolerance
     raise RequestError(
         f"an outline of {shapely.get_num_coordinates(shape)} vertices still has more than "
-        f"{MOST_VERTICES} vertices after a simplification to {TOLERANCES_M[-1]:g} m",
+        f"{MOST_VERTICES} vertices after a simplification with a tolerance of "
+        f"{TOLERANCES_M[-1]:g} m",
         "draw it with fewer vertices",
     )
 

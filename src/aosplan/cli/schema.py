@@ -67,7 +67,7 @@ def run(document: str | None) -> None:
 COMMAND = command(
     "schema",
     run,
-    summary="Print the JSON Schema of a document, or of all of them by name.",
+    summary="Print the JSON Schema of a document, or of all documents by name.",
     examples="aosplan schema plan\naosplan schema > schemas.json",
     parameters=[
         TyperArgument(

@@ -121,8 +121,9 @@ def _characteristic(
     (x, column), (y, row) = (np.unique(axis, return_inverse=True) for axis in sites_m.round(6).T)
     middle = len(k) // 2
     if len(x) + len(y) <= len(sites_m):
-        # On a grid, with or without gaps, few coordinates differ. The waves of each height are
-        # therefore summed over the cameras of each column of the grid first.
+        # On a grid, with or without gaps, the cameras have only a few different coordinates. The
+        # waves of each height are therefore summed over the cameras of each column of the grid
+        # first.
         cameras = np.zeros((len(y), len(x)))
         np.add.at(cameras, (row, column), 1.0 / len(sites_m))
         waves_x, waves_y = (_waves(k[middle:], slopes[:, None] * axis) for axis in (x, y))

@@ -114,7 +114,7 @@ class UniformModel(NamedTuple):
         if self.slices is not None and self.hold_error_m > 0.0 and pattern.samples > 1:
             # With position noise, one d̂ for all heights gives a smaller V̂ than slices. If only
             # one of the two models were used on each side of the baseline of the rule, V̂ would
-            # drop there. The smaller shortfall of both models is therefore used.
+            # drop there. The smaller one of the shortfalls of the two models is therefore used.
             shortfall = min(shortfall, self.slices().predict(pattern, baseline_m).shortfall)
         return Prediction(self.density, self.transparency, shortfall)
 

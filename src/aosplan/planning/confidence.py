@@ -74,7 +74,10 @@ def _measured(
 
     model, plan = problem.model, (solution.pattern, solution.baseline_m)
     if not isinstance(model, MeasuredModel):
-        return "the saved scene contains no parts of the plot to compare", None
+        return (
+            "standard errors are computed from parts of the plot, which the saved scene does not contain",
+            None,
+        )
     if model.view == "perspective":
         errors = of_apertures(model.hidden_at_places(*plan))
     else:
@@ -130,7 +133,7 @@ def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:
     loaded = inputs.loaded
     if loaded.volume is None:
         if loaded.kind == "cloud":
-            return "the saved scene contains no parts of the plot to compare"
+            return "standard errors are computed from parts of the plot, which the saved scene does not contain"
         return "the numbers of the scene are assumed to be exact"
 
     from aosplan.models.uncertainty import of_parts, quarters

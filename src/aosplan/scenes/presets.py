@@ -196,7 +196,7 @@ SCENES: dict[str, ScenePreset] = {
         assumed=(
             "both stands are assumed to be similar, although the second counts only "
             "sawlog-sized trees; occluder size 0.25 m (needle-bearing branch ends); "
-            f"{_SPHERICAL}; young spruce below is left out"
+            f"{_SPHERICAL}; young spruce below the pines is left out"
         ),
     ),
     # 4.1 m² per pine: a crown 2.3 m wide, in a growing space of 6.2 m².

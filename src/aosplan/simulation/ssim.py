@@ -72,7 +72,7 @@ def similarity(
     inside = minimum_filter(covered, WINDOW_PX, mode="constant", cval=False)
     if not inside.any():
         raise RequestError(
-            f"no {WINDOW_PX} x {WINDOW_PX} pixels are covered in both images",
+            f"no window of {WINDOW_PX} x {WINDOW_PX} pixels is covered in both images",
             "give a smaller --gsd, a larger --extent, or a smaller --min-views",
         )
     if span is None:

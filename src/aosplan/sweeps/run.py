@@ -195,8 +195,8 @@ def _solved(
         ProcessPoolExecutor(workers_of(workers), context, _take, (sweep,)) as pool,
     ):
         try:
-            # Interruptions are deferred, because Python would print an exception if one occurred
-            # while a process starts.
+            # Interruptions are deferred, because Python would print an exception if an interruption
+            # occurred while a process starts.
             with _interrupted_later():
                 running = {
                     pool.submit(_part, index, path(index)) for index in islice(waiting, 2 * workers)

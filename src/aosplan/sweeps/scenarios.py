@@ -346,7 +346,7 @@ def _check_size(frame: Any, path: str) -> None:
     stored = os.path.getsize(path)
     if rows * columns > max(PLAIN_CELLS, CELLS_A_BYTE * stored):
         raise RequestError(
-            f"'{path}' declares {rows} rows, more than its {stored} bytes hold",
+            f"'{path}' declares {rows} rows, more than its {stored} bytes can hold",
             "write the options as lists in a TOML file with a table [sweep], which takes "
             "less space",
         )

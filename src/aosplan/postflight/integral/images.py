@@ -398,7 +398,8 @@ def _check_size(image: Image, path: str) -> None:
     if width * height > max(PLAIN_PIXELS, PIXELS_A_BYTE * stored):
         image.close()
         raise RequestError(
-            f"image '{path}' declares {width} x {height} pixels, more than its {stored} bytes hold"
+            f"image '{path}' declares {width} x {height} pixels, more than its {stored} bytes can "
+            "hold"
         )
 
 

@@ -58,7 +58,8 @@ def simulated_photos(plan: Plan, seed: int | None) -> SimulatedPhotos:
         return SimulatedPhotos(None, "left out, as requested")
     if plan.guided is not None:
         return SimulatedPhotos(
-            seed, "left out: it shows another forest, and guided positions are for one place"
+            seed,
+            "left out: the picture shows another forest, but guided positions are chosen for one place",
         )
     if plan.solution.pattern.samples > MOST_VIEWS:
         return SimulatedPhotos(
