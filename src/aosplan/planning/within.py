@@ -82,7 +82,9 @@ def choose_flight(
     """
     search = WithinSearch(request, folder, load)
     longest_s = search.longest_s()
-    search.best(2.0 * longest_s)  # It may fit into the shorter times, too.
+    # The best flight of a longer or a shorter time may also be the best one within this time.
+    search.best(2.0 * longest_s)
+    search.best(0.5 * longest_s)
     chosen = search.best(longest_s)
     if chosen is None:
         raise search.refusal(longest_s)
@@ -197,14 +199,22 @@ class WithinSearch:
         """The best flight within `longest_s`, planned completely; None if no flight that was tried
         is possible.
 
-        The best flight within a longer time is also the best within this time if it fits.
+        The best flight within a longer time is also the best within this time if it fits.  A flight
+        that was found for a shorter time is never better than the result.
         """
-        for (known_s, known_tries), timed in self._found.items():
-            fits = timed is not None and timed.time_s <= longest_s <= known_s
-            if fits and known_tries == tries:
-                return timed
-        self._found[longest_s, tries] = found = self._searched(longest_s, tries)
-        return found
+        key = longest_s, tries
+        if key not in self._found and not any(
+            timed is not None and timed.time_s <= longest_s <= known_s and known_tries == tries
+            for (known_s, known_tries), timed in self._found.items()
+        ):
+            self._found[key] = self._searched(longest_s, tries)
+        best: TimedFlight | None = None
+        for timed in self._found.values():
+            if timed is None or timed.time_s > longest_s:
+                continue
+            if best is None or self._is_better(timed, best):
+                best = timed
+        return best
 
     def _searched(self, longest_s: float, tries: int) -> TimedFlight | None:
         best: TimedFlight | None = None
