@@ -105,12 +105,12 @@ def test_scene_and_plan_read_the_crop(tile, folder, command):
     )
     around = document(*plan)
     said = {each["code"]: each["message"] for each in around["warnings"]}
-    assert "only a part of the point cloud is used" in said["cropped_to_plan"]
+    assert "only the part of the point cloud around the plan is used" in said["cropped_to_plan"]
     everything = document(*plan, "--crop", "all")
     assert "cropped_to_plan" not in {each["code"] for each in everything["warnings"]}
     footprint = around["camera"]["footprint_m"]
     side_m = 2.0 * RAYS_M + math.hypot(*footprint)
-    assert f"the {side_m:.0f} x {side_m:.0f} m around" in said["cropped_to_plan"]
+    assert f"is used, {side_m:.0f} x {side_m:.0f} m" in said["cropped_to_plan"]
 
 
 def test_a_crop_outside_the_cloud_gives_one_error_line(tile, command):

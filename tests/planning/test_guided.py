@@ -133,7 +133,7 @@ def test_contradictory_guided_options_are_refused_with_a_hint(more, said):
 def test_a_sweep_and_a_trade_off_are_refused(guided):
     from aosplan.sweeps.scenarios import crossing_of
 
-    with pytest.raises(RequestError, match="no trade-off"):
+    with pytest.raises(RequestError, match="a trade-off is not possible"):
         guided.tradeoff()
     with pytest.raises(RequestError, match="does not choose positions"):
         crossing_of({"altitude": 40, "grid": "guided"})
