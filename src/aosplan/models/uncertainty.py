@@ -158,7 +158,7 @@ def of_targets(hidden: Floats, cell: int = 1) -> Uncertainty:
 
 
 def of_apertures(hidden: Sequence[Floats], cell: int = 1) -> Uncertainty:
-    """Standard errors in perspective, from apertures at several places of a periodic plot.
+    """Standard errors for the perspective view, from apertures at several places of a periodic plot.
 
     Parameters
     ----------

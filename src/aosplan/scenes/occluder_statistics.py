@@ -41,7 +41,9 @@ THIN_RIM = 0.1
 """Smallest difference of p between the middle of a plot and its rim that causes a warning."""
 
 SAMPLED_CELLS = 1_000_000
-"""Total number of cells in the windows from which the near lags of a larger slice are computed."""
+"""If a slice has more cells, its near lags are computed from windows with this number of cells in
+total.
+"""
 
 BLOCKS, LEAST_BLOCK, MOST_BLOCK = 256, 8, 16
 """Approximate number of blocks along the longer side of a larger slice; smallest and largest side

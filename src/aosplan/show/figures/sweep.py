@@ -32,7 +32,7 @@ smallest value is greater than this.
 """
 
 LAYOUTS = ((1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (2, 3))
-"""Rows and columns of panels by their number."""
+"""For each number of panels, the numbers of rows and columns in which they are arranged."""
 
 
 def draw(figure: Figure, shown: SweepFigure, theme: Theme) -> None:

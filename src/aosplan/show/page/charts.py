@@ -66,8 +66,8 @@ class Tick(NamedTuple):
 
 
 FEW, COUNTED = 12, 2000
-"""Number of points of a curve for a measured stand, and largest total number of photos of all its
-points.
+"""For a measured stand: the largest number of points on a curve, and the largest sum of the numbers
+of photos of these points.
 
 For every photo of every point, all voxels are counted.  If `FEW` points would have more than
 `COUNTED` photos in total, there are fewer points, but at least half of `FEW`.

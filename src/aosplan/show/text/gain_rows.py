@@ -1,4 +1,6 @@
-"""Rows of a plan's table about flights in the order of gain: probability of success over time."""
+"""Rows of a plan's table for flights in the order of gain.  They show how the probability of success
+grows with time.
+"""
 
 from __future__ import annotations
 
