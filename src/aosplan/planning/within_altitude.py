@@ -86,7 +86,7 @@ NEARLY = 0.001
 
 def octave(shape: Shape) -> int:
     """Exponent of the largest power of two that is not larger than the number of photos."""
-    return shape.samples.bit_length()
+    return shape.samples.bit_length() - 1
 
 
 class AltitudeSearch:

@@ -20,6 +20,11 @@ TEXTS = ("source", "reason", "energy")
 COUNTS = ("pulses", "lines", "seed")
 
 
+def is_sparse(points: int, area_m2: float) -> bool:
+    """Whether a cloud with this number of points on a plot of this area [m²] is sparse."""
+    return points < SPARSE_POINTS_PER_M2 * area_m2
+
+
 class Opacity(NamedTuple):
     """The method by which the opacity of a volume was found.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from aosplan.scenes.opacity import SPARSE_POINTS_PER_M2
+from aosplan.scenes.opacity import SPARSE_POINTS_PER_M2, is_sparse
 from aosplan.units import rounded_up
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def cloud_doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Itera
 def pulse_doubts(volume: VoxelVolume, opacity: Opacity, *, later_returns: bool) -> Iterator[Warned]:
     """Yield warnings about a volume whose opacity was computed from few or incomplete pulses."""
     density = (opacity.pulses or 0) / volume.plot_area_m2
-    if volume.points_per_m2 < SPARSE_POINTS_PER_M2:
+    if is_sparse(volume.points, volume.plot_area_m2):
         message = (
             f"{density:.3g} pulses per m² do not resolve the gaps in crowns, so V̂ is too high by "
             "about its standard error (±); V is more reliable"
@@ -76,10 +76,11 @@ def pulse_doubts(volume: VoxelVolume, opacity: Opacity, *, later_returns: bool) 
 def opacity_doubts(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
     """Yield warnings about a volume in which every voxel with a point is treated as opaque."""
     voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
-    density = volume.points_per_m2
-    if density < SPARSE_POINTS_PER_M2 and occupancy > 0.0:
+    sparse = is_sparse(volume.points, volume.plot_area_m2)
+    if sparse and occupancy > 0.0:
         message = (
-            f"{density:.3g} points per m² are fewer than {SPARSE_POINTS_PER_M2:g}, so most of the "
+            f"{volume.points_per_m2:.3g} points per m² are fewer than "
+            f"{SPARSE_POINTS_PER_M2:g}, so most of the "
             f"canopy is missing and p = {occupancy:.2g} is too low; give a cloud with more points, "
             "or a scene that describes the forest"
         )
@@ -91,7 +92,7 @@ def opacity_doubts(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
         )
         yield "opacity_from_voxels", message
     enough_m = math.sqrt(POINTS_A_COLUMN) * spacing_m
-    if voxel_m < enough_m * (1.0 - 1e-9) and volume.points_per_m2 >= SPARSE_POINTS_PER_M2:
+    if voxel_m < enough_m * (1.0 - 1e-9) and not sparse:
         points = (voxel_m / spacing_m) ** 2
         message = (
             f"columns of {voxel_m:g} m contain {points:.2g} points on average, so "

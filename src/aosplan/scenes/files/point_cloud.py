@@ -38,7 +38,7 @@ from aosplan.scenes.files.ground import (
 from aosplan.scenes.files.las import PointFile, not_metric
 from aosplan.scenes.files.spool import Spool
 from aosplan.scenes.files.tiles import brought_together, located, warnings_of_files
-from aosplan.scenes.opacity import SPARSE_POINTS_PER_M2, Opacity, OpacitySource
+from aosplan.scenes.opacity import Opacity, OpacitySource, is_sparse
 from aosplan.scenes.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
 
 if TYPE_CHECKING:
@@ -279,7 +279,7 @@ def _from_pulses(
     track = None if trajectory is None else read_trajectory(trajectory)
     width_m, depth_m = plot.size_m[:2].tolist()
     voxel_m = plot.voxel_m
-    sparse = points < SPARSE_POINTS_PER_M2 * width_m * depth_m
+    sparse = is_sparse(points, width_m * depth_m)
     while plot.rows * plot.columns * (plot.voxel_m / voxel_m) ** 2 > MOST_PULSE_COLUMNS:
         if 2.0 * voxel_m > (LARGEST_SPARSE_VOXEL_M if sparse else LARGEST_PULSE_VOXEL_M):
             return None, (

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from aosplan.errors import RequestError
-from aosplan.scenes.opacity import SPARSE_POINTS_PER_M2, Opacity
+from aosplan.scenes.opacity import Opacity, is_sparse
 from aosplan.scenes.pulses import attenuation, clean, grouping, realise, sensor_track, trace
 from aosplan.scenes.voxels import FACE, HalfStand
 
@@ -208,7 +208,7 @@ def volume_from_pulses(
         If the pulses cannot be used.
     """
     share = min(MOST_RETURNS / max(points, 1), 1.0)
-    sparse = points < SPARSE_POINTS_PER_M2 * grid.size_m[0] * grid.size_m[1]
+    sparse = is_sparse(points, grid.size_m[0] * grid.size_m[1])
     beams, grid = sound_beams(files, grid, origin_m, trajectory, share, sparse=sparse)
     if math.prod(grid.shape) > MOST_VOXELS:
         raise UnsoundPulsesError(
