@@ -201,8 +201,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
             1,
         )
     finally:
-        if os.environ.get("AOSPLAN_UNITS") != units:  # `--units` applies to one command only.
-            os.environ["AOSPLAN_UNITS"] = units or ""
+        # `--units` applies to one command only.
+        if units is None:
+            os.environ.pop("AOSPLAN_UNITS", None)
+        else:
+            os.environ["AOSPLAN_UNITS"] = units
     return status if isinstance(status, int) else 0
 
 
